@@ -1,0 +1,210 @@
+"""Time for drivers, controller and simulator: wall, scaled or virtual.
+
+Nobody else in the project calls ``time.sleep`` or ``time.time``. Timers are co-operative: they run in
+the thread that sleeps or waits on the clock, never behind its back. On a `VirtualClock` time jumps
+from timer to timer, so a 20 min warm-up takes what the computer needs. Because the heartbeat of the
+laser gate is such a timer, a host that is stuck anywhere stops feeding the watchdog.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import time
+from collections.abc import Callable
+from typing import Protocol, runtime_checkable
+
+POLL_S = 0.01
+
+
+class Timer:
+    """A call that is due at a moment; `cancel` takes it back."""
+
+    __slots__ = ("callback", "cancelled", "due", "order", "period")
+
+    def __init__(self, due: float, order: int, callback: Callable[[], None], period: float | None) -> None:
+        self.due = due
+        self.order = order
+        self.callback = callback
+        self.period = period
+        self.cancelled = False
+
+    def cancel(self) -> None:
+        """Take the call back; harmless when it has run already."""
+        self.cancelled = True
+
+    def __lt__(self, other: Timer) -> bool:
+        return (self.due, self.order) < (other.due, other.order)
+
+
+@runtime_checkable
+class Clock(Protocol):
+    """What the rest of the project may ask of time (seconds, float)."""
+
+    def now(self) -> float:
+        """Get the seconds since an arbitrary start; never runs backwards."""
+
+    def sleep(self, seconds: float) -> None:
+        """Let ``seconds`` pass; timers that fall due are run meanwhile."""
+
+    def wait(self, condition: Callable[[], bool], timeout: float) -> bool:
+        """Let time pass until ``condition()`` holds; False if it does not within ``timeout`` seconds."""
+
+    def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
+        """Run ``callback`` once at the moment ``when``."""
+
+    def every(self, period: float, callback: Callable[[], None]) -> Timer:
+        """Run ``callback`` each ``period`` seconds, first after one period; missed beats are not made up."""
+
+    def run_due(self) -> None:
+        """Run the timers that are due now; returns at once if there are none."""
+
+
+class _Timers:
+    """The heap of timers that all three clocks share."""
+
+    def __init__(self) -> None:
+        self._heap: list[Timer] = []
+        self._order = itertools.count()
+
+    def now(self) -> float:
+        raise NotImplementedError
+
+    def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
+        return self._push(Timer(when, next(self._order), callback, None))
+
+    def every(self, period: float, callback: Callable[[], None]) -> Timer:
+        if not period > 0:
+            raise ValueError(f"period must be positive, not {period}")
+        return self._push(Timer(self.now() + period, next(self._order), callback, period))
+
+    def run_due(self) -> None:
+        """Run the timers that are due now."""
+        while (timer := self._pop_due(self.now())) is not None:
+            self._run(timer)
+
+    def _push(self, timer: Timer) -> Timer:
+        heapq.heappush(self._heap, timer)
+        return timer
+
+    def _next_due(self) -> float | None:
+        while self._heap and self._heap[0].cancelled:
+            heapq.heappop(self._heap)
+        return self._heap[0].due if self._heap else None
+
+    def _pop_due(self, now: float) -> Timer | None:
+        due = self._next_due()
+        return heapq.heappop(self._heap) if due is not None and due <= now else None
+
+    def _run(self, timer: Timer) -> None:
+        # A periodic timer is re-armed after its call, so it can never nest in itself.
+        timer.callback()
+        if timer.period is not None and not timer.cancelled:
+            timer.due = max(timer.due + timer.period, self.now())
+            timer.order = next(self._order)
+            self._push(timer)
+
+
+class ScaledClock(_Timers):
+    """Wall time, ``factor`` times as fast.
+
+    Parameters
+    ----------
+    factor : float
+        Clock seconds per second of the wall; positive.
+    """
+
+    def __init__(self, factor: float = 1.0) -> None:
+        if not 0 < factor < float("inf"):
+            raise ValueError(f"factor must be positive and finite, not {factor}")
+        super().__init__()
+        self.factor = factor
+        self._start = time.monotonic()
+
+    def now(self) -> float:
+        return (time.monotonic() - self._start) * self.factor
+
+    def sleep(self, seconds: float) -> None:
+        end = self.now() + seconds
+        while True:
+            self.run_due()
+            left = end - self.now()
+            if left <= 0:
+                return
+            due = self._next_due()
+            if due is not None:
+                left = min(left, due - self.now())
+            if left > 0:
+                time.sleep(left / self.factor)
+
+    def wait(self, condition: Callable[[], bool], timeout: float) -> bool:
+        end = self.now() + timeout
+        while not condition():
+            left = end - self.now()
+            if left <= 0:
+                return False
+            self.sleep(min(left, POLL_S * max(1.0, self.factor)))
+        return True
+
+
+class WallClock(ScaledClock):
+    """Time as it passes."""
+
+    def __init__(self) -> None:
+        super().__init__(1.0)
+
+
+class VirtualClock(_Timers):
+    """Discrete-event time: jumps from timer to timer, single-threaded, exact and repeatable.
+
+    Parameters
+    ----------
+    speed : float, optional
+        Clock seconds per second of the wall at the most, to watch a simulation at a human pace.
+        None (the default) is as fast as the computer can.
+    """
+
+    def __init__(self, speed: float | None = None) -> None:
+        if speed is not None and not 0 < speed < float("inf"):
+            raise ValueError(f"speed must be positive and finite, not {speed}")
+        super().__init__()
+        self._now = 0.0
+        self._speed = speed
+        self._wall_start = time.monotonic()
+
+    def now(self) -> float:
+        return self._now
+
+    def advance_to(self, moment: float) -> None:
+        """Move to ``moment`` (or stay, if it has passed), running what falls due on the way.
+
+        May be called from a timer's callback: time then moves inside the outer call, which finds
+        itself later than it meant to be, as a busy computer does.
+        """
+        while (due := self._next_due()) is not None and due <= moment:
+            timer = heapq.heappop(self._heap)
+            self._jump(timer.due)
+            self._run(timer)
+        self._jump(moment)
+
+    def sleep(self, seconds: float) -> None:
+        self.advance_to(self._now + max(0.0, seconds))
+
+    def wait(self, condition: Callable[[], bool], timeout: float) -> bool:
+        end = self._now + timeout
+        while not condition():
+            due = self._next_due()
+            if due is None or due > end:
+                self.advance_to(end)
+                return condition()
+            self.advance_to(due)
+        return True
+
+    def _jump(self, moment: float) -> None:
+        if moment <= self._now:
+            return
+        self._now = moment
+        if self._speed is not None:
+            ahead = moment / self._speed - (time.monotonic() - self._wall_start)
+            if ahead > 0:
+                time.sleep(ahead)

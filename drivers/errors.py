@@ -1,0 +1,71 @@
+"""The error family of the drivers: what happened, to which device, in which state, what to do."""
+
+from __future__ import annotations
+
+
+class DeviceError(Exception):
+    """Base of all that can go wrong between the host and a device.
+
+    Parameters
+    ----------
+    device : str
+        Name of the device on the bench and how it is reached, for example ``"DG645 (COM3)"``.
+    what : str
+        What happened, with the value and the range where there is one.
+    remedy : str, optional
+        What a person can do about it.
+    """
+
+    def __init__(self, device: str, what: str, remedy: str = "") -> None:
+        self.device = device
+        self.what = what
+        self.remedy = remedy
+        super().__init__(f"{device}: {what}" + (f" ({remedy})" if remedy else ""))
+
+
+class LinkLost(DeviceError):
+    """The port or the USB device is not there (any more), or may not be opened."""
+
+
+class Timeout(DeviceError):
+    """The device did not answer in time; the link itself still stands."""
+
+
+class ProtocolError(DeviceError):
+    """The device answered something that its protocol does not allow (bad check sum, wrong form)."""
+
+
+class Stall(ProtocolError):
+    """A USB endpoint is halted: the device refused the request."""
+
+
+class DeviceFault(DeviceError):
+    """The device answered properly and reports an error or refuses a command.
+
+    Parameters
+    ----------
+    code : int or str, optional
+        The device's own error code, as its protocol sheet names it.
+    """
+
+    def __init__(self, device: str, what: str, remedy: str = "", *, code: int | str | None = None) -> None:
+        super().__init__(device, what, remedy)
+        self.code = code
+
+
+class LimitError(DeviceError, ValueError):
+    """A value outside the device's range was asked for; nothing was sent."""
+
+
+def check_range(device: str, quantity: str, value: float, least: float, most: float, unit: str = "") -> float:
+    """Return ``value`` if it lies in the closed range, else refuse it.
+
+    Raises
+    ------
+    LimitError
+        With the value and the allowed range in the message. NaN and infinities are refused as well.
+    """
+    if not least <= value <= most:
+        u = f" {unit}" if unit else ""
+        raise LimitError(device, f"{quantity} {value:g}{u} is outside {least:g} to {most:g}{u}; nothing was sent")
+    return float(value)
