@@ -1,0 +1,1 @@
+"""One module a device; links (serial, USB), clock and errors. Knows nothing of the rest of the house."""

@@ -1,0 +1,183 @@
+"""A serial line as the drivers see it: bytes, time limits and one family of errors.
+
+Ports are opened by URL (``serial.serial_for_url``): a port name, ``socket://host:port``, or ``sim://``
+for a simulated device in the same process. This is the one place that maps the exceptions of
+pyserial, of termios and of the operating system to ours.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from typing import NoReturn
+
+import serial
+
+from drivers.clock import Clock
+from drivers.errors import LinkLost, ProtocolError, Timeout
+
+SLICE_S = 0.05  # longest wait inside the port, so that timers (heartbeats) run on a real clock too
+
+try:
+    from termios import error as _TermiosError
+except ImportError:  # not a POSIX system: this kind of error cannot occur
+
+    class _TermiosError(Exception):  # type: ignore[no-redef]
+        pass
+
+
+_PORT_ERRORS = (serial.SerialException, OSError, _TermiosError)
+
+
+class SerialLink:
+    """One serial port, owned by one driver.
+
+    Parameters
+    ----------
+    url : str
+        Port name or URL, for example ``COM3``, ``/dev/ttyUSB0``, ``socket://localhost:5025``.
+    clock : Clock
+        Time for all limits.
+    device : str
+        The device's name for messages.
+    baud : int
+        Bits per second; 8 data bits, no parity, 1 stop bit (all devices of this bench).
+    timeout_s : float
+        Default time limit of one answer.
+    """
+
+    def __init__(self, url: str, clock: Clock, *, device: str, baud: int, timeout_s: float = 1.0) -> None:
+        self.url = url
+        self.clock = clock
+        self.device = f"{device} ({url})"
+        self.baud = baud
+        self.timeout_s = timeout_s
+        self._port: serial.Serial | None = None
+        self._received = bytearray()
+
+    @property
+    def is_open(self) -> bool:
+        """Get whether the port is open on our side."""
+        return self._port is not None
+
+    def open(self) -> None:
+        """Open the port and throw away what waits in it.
+
+        Raises
+        ------
+        LinkLost
+            When the port is not there, is in use, or may not be opened.
+        """
+        if self._port is not None:
+            return
+        try:
+            port = serial.serial_for_url(self.url, baudrate=self.baud, timeout=SLICE_S, write_timeout=self.timeout_s)
+        except ValueError as error:
+            raise LinkLost(self.device, f"{self.url!r} is no port or URL: {error}", "check the settings") from error
+        except _PORT_ERRORS as error:
+            raise LinkLost(self.device, f"cannot open the port: {error}", _remedy(error)) from error
+        self._port = port
+        self.discard_input()
+
+    def close(self) -> None:
+        """Close the port; harmless when it is closed or has vanished."""
+        port, self._port = self._port, None
+        self._received.clear()
+        if port is not None:
+            with contextlib.suppress(
+                *_PORT_ERRORS
+            ):  # a vanished port cannot be closed in order; it is given up either way
+                port.close()
+
+    def write(self, data: bytes) -> None:
+        """Send all of ``data``.
+
+        Raises
+        ------
+        LinkLost
+            When the port has vanished.
+        Timeout
+            When the device does not take the bytes.
+        """
+        try:
+            self._opened().write(data)
+        except serial.SerialTimeoutException as error:
+            raise Timeout(self.device, f"did not take {len(data)} bytes", "check cable and handshake") from error
+        except _PORT_ERRORS as error:
+            self._lost(error)
+
+    def read_until(self, terminator: bytes, *, timeout_s: float | None = None, limit: int = 4096) -> bytes:
+        """Read up to and including ``terminator``.
+
+        Raises
+        ------
+        Timeout
+            When it does not come within ``timeout_s`` (default: the link's); names what came instead.
+        ProtocolError
+            When more than ``limit`` bytes come without it.
+        LinkLost
+            When the port has vanished.
+        """
+        limit_s = self.timeout_s if timeout_s is None else timeout_s
+        end = self.clock.now() + limit_s
+        while (at := self._received.find(terminator)) < 0:
+            if len(self._received) >= limit:
+                tail = bytes(self._received[-16:])
+                raise ProtocolError(self.device, f"{limit} bytes without an end of line; last {tail!r}")
+            left_s = end - self.clock.now()
+            if left_s <= 0:
+                came = f"only {bytes(self._received)!r}" if self._received else "nothing"
+                remedy = "check power, cable and baud rate"
+                raise Timeout(self.device, f"no answer within {limit_s:g} s, {came} came", remedy)
+            self._receive(left_s)
+        line = bytes(self._received[: at + len(terminator)])
+        del self._received[: len(line)]
+        return line
+
+    def drain(self, *, quiet_s: float, limit: int = 4096) -> bytes:
+        """Read until the line has been quiet for ``quiet_s`` (or ``limit`` bytes came) and return what came."""
+        end = self.clock.now() + quiet_s
+        while (left_s := end - self.clock.now()) > 0 and len(self._received) < limit:
+            if self._receive(left_s):
+                end = self.clock.now() + quiet_s
+        got = bytes(self._received)
+        self._received.clear()
+        return got
+
+    def discard_input(self) -> None:
+        """Throw away what has been received and not read (late answers of earlier queries)."""
+        self._received.clear()
+        try:
+            self._opened().reset_input_buffer()
+        except _PORT_ERRORS as error:
+            self._lost(error)
+
+    def _receive(self, left_s: float) -> int:
+        """Wait up to one slice for bytes, take all that are there, and return how many came."""
+        port = self._opened()
+        limit_s = min(left_s, SLICE_S)
+        try:
+            if port.timeout != limit_s:
+                port.timeout = limit_s
+            chunk = port.read(max(1, port.in_waiting))
+        except _PORT_ERRORS as error:
+            self._lost(error)
+        self._received += chunk
+        self.clock.run_due()
+        return len(chunk)
+
+    def _opened(self) -> serial.Serial:
+        if self._port is None:
+            raise LinkLost(self.device, "the port is not open", "connect first")
+        return self._port
+
+    def _lost(self, error: BaseException) -> NoReturn:
+        self.close()
+        raise LinkLost(self.device, f"the port has gone: {error}", "plug the cable in and connect again") from error
+
+
+def _remedy(error: BaseException) -> str:
+    if isinstance(error, PermissionError) or getattr(error, "errno", None) == 13:
+        return "the port exists but this account may not open it: add it to the port's group (often dialout)"
+    if getattr(error, "errno", None) == 2:
+        return "no such port: check the name in the settings, and that the device is plugged in"
+    return "check that it is plugged in and that no other program has it open"
