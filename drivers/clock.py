@@ -194,6 +194,8 @@ class VirtualClock(_Timers):
         end = self._now + timeout
         while not condition():
             due = self._next_due()
+            if due is None and end == float("inf"):
+                raise RuntimeError("waiting for ever: nothing is due on the virtual clock that could end the wait")
             if due is None or due > end:
                 self.advance_to(end)
                 return condition()

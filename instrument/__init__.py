@@ -1,0 +1,1 @@
+"""What an operator runs: controller, scan, ranging, calibration, bench procedures, recording, command line."""
