@@ -77,4 +77,5 @@ class ScanLine:
     @property
     def has_range(self) -> NDArray[np.bool_]:
         """Get the (N,) mask of entries that carry a point."""
-        return (self.flags & np.uint16(NO_RANGE)) == 0
+        mask: NDArray[np.bool_] = (self.flags & np.uint16(NO_RANGE)) == 0
+        return mask

@@ -1,0 +1,35 @@
+"""The devices of one bench, opened by the settings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drivers.clock import Clock
+from drivers.interfaces import Device, Galvo, Identity, Pulser, Sampler, TemperatureController
+
+
+@dataclass
+class Bench:
+    """What the controller drives.
+
+    Attributes
+    ----------
+    clock : Clock
+        The time that all of them share.
+    pulser, diode, galvo, sampler
+        Trigger and drive supply; temperature of the laser diode; mirrors; sampling bridge with the gate.
+    """
+
+    clock: Clock
+    pulser: Pulser
+    diode: TemperatureController
+    galvo: Galvo
+    sampler: Sampler
+
+    def devices(self) -> dict[str, Device]:
+        """Get all devices by name, in the order in which they are opened: the gate's owner first."""
+        return {"sampler": self.sampler, "pulser": self.pulser, "diode": self.diode, "galvo": self.galvo}
+
+    def identify(self) -> dict[str, Identity]:
+        """Get who answers on each link."""
+        return {name: device.identify() for name, device in self.devices().items()}

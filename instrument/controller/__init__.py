@@ -1,0 +1,22 @@
+"""The controller: a state machine that owns the devices, interlocks as data, and the safe way out."""
+
+from instrument.controller.controller import Controller, Request
+from instrument.controller.job import LineStore, ScanJob, ScanOutcome, Sink
+from instrument.controller.safety import SafeState, make_safe
+from instrument.controller.states import STATES, TRANSITIONS, State, allowed_verbs, diagram
+
+__all__ = [
+    "STATES",
+    "TRANSITIONS",
+    "Controller",
+    "LineStore",
+    "Request",
+    "SafeState",
+    "ScanJob",
+    "ScanOutcome",
+    "Sink",
+    "State",
+    "allowed_verbs",
+    "diagram",
+    "make_safe",
+]

@@ -1,0 +1,79 @@
+"""What a scan asks of the controller, and what it gets back."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from drivers.interfaces import Galvo, Sampler, SweepSettings
+from instrument.controller.safety import SafeState
+from instrument.scan_line import Flag, ScanLine
+
+Sink = Callable[[ScanLine], None]
+Between = Callable[[], None]
+
+
+class ScanJob(Protocol):
+    """The raster and how its lines are taken; knows nothing of states or safety."""
+
+    @property
+    def sweep(self) -> SweepSettings:
+        """Get how one record is sampled."""
+
+    @property
+    def rows(self) -> Sequence[int]:
+        """Get the rows to take, in order."""
+
+    def take_line(self, row: int, galvo: Galvo, sampler: Sampler, between: Between) -> ScanLine:
+        """Take one line with the laser on; ``between`` is called before each place and may raise."""
+
+
+class LineStore(Protocol):
+    """Where lines become durable (`instrument.recording.Recording`)."""
+
+    def append(self, line: ScanLine) -> None:
+        """Store a line; it is safe on disk when this returns."""
+
+    def event(self, time_s: float, kind: str, **fields: Any) -> None:
+        """Store what happened."""
+
+    def finish(self, stop_reason: str, **fields: Any) -> None:
+        """Close the record of the scan."""
+
+
+@dataclass
+class ScanOutcome:
+    """How a scan ended.
+
+    Attributes
+    ----------
+    stop_reason : str
+        ``complete``, ``finished early``, ``aborted``, ``interrupted``, or the cause of a fault.
+    safe : SafeState
+        What the way out found, step by step.
+    lines, points : int
+        Lines stored; entries in them that carry a range.
+    device_time_s : float
+        From switching the laser on to the safe state, on the bench's clock.
+    flags : Counter
+        How many entries carry each flag, by its words.
+    """
+
+    stop_reason: str = "complete"
+    safe: SafeState = field(default_factory=SafeState)
+    lines: int = 0
+    points: int = 0
+    device_time_s: float = 0.0
+    flags: Counter[str] = field(default_factory=Counter)
+
+    def count(self, line: ScanLine) -> None:
+        """Add a stored line to the counts."""
+        self.lines += 1
+        self.points += int(line.has_range.sum())
+        for flag in Flag:
+            if flag and (n := int(np.count_nonzero(line.flags & np.uint16(flag)))):
+                self.flags[flag.words] += n

@@ -1,0 +1,29 @@
+"""Events of a run as structured log lines, with run id and state in each."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from typing import Any, TextIO
+
+import structlog
+
+
+def configure(level: int = logging.WARNING, stream: TextIO | None = None) -> None:
+    """Send events of at least ``level`` to ``stream`` (default: stderr), one line each.
+
+    A terminal gets aligned text, anything else JSON. Without this call structlog's defaults hold.
+    """
+    out = sys.stderr if stream is None else stream
+    renderer: Any = structlog.dev.ConsoleRenderer() if out.isatty() else structlog.processors.JSONRenderer()
+    structlog.configure(
+        processors=[structlog.contextvars.merge_contextvars, structlog.processors.add_log_level, renderer],
+        wrapper_class=structlog.make_filtering_bound_logger(level),
+        logger_factory=structlog.WriteLoggerFactory(file=out),
+        cache_logger_on_first_use=False,
+    )
+
+
+def logger(**context: Any) -> Any:
+    """Get a logger that carries ``context`` in every event."""
+    return structlog.get_logger().bind(**context)
