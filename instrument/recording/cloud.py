@@ -1,0 +1,82 @@
+"""`Cloud`: the points of a whole scan as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from instrument.scan_line import NO_RANGE, ScanLine
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """All places of a scan, line after line; also those without a range, until `with_range`.
+
+    Attributes
+    ----------
+    points_mm : (N, 3) float array
+        Scanner frame; NaN without range.
+    covariance_mm2 : (N, 3, 3) float array
+    range_mm, range_variance_mm2, response_mv : (N,) float arrays
+    flags : (N,) uint16 array
+        Sums of `instrument.scan_line.Flag`.
+    rows, columns : (N,) int32 arrays
+        Place in the raster.
+    angles_rad : (N, 2) float array
+        Optical angles that the beam was sent to.
+    """
+
+    points_mm: NDArray[np.float64]
+    covariance_mm2: NDArray[np.float64]
+    range_mm: NDArray[np.float64]
+    range_variance_mm2: NDArray[np.float64]
+    response_mv: NDArray[np.float64]
+    flags: NDArray[np.uint16]
+    rows: NDArray[np.int32]
+    columns: NDArray[np.int32]
+    angles_rad: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.flags)
+
+    @property
+    def has_range(self) -> NDArray[np.bool_]:
+        """Get the (N,) mask of places that carry a point."""
+        return np.asarray((self.flags & np.uint16(NO_RANGE)) == 0, dtype=np.bool_)
+
+    @property
+    def grid(self) -> NDArray[np.int32]:
+        """Get the (N, 2) raster rows and columns."""
+        return np.column_stack([self.rows, self.columns])
+
+    def with_range(self) -> Self:
+        """Return the places that carry a point."""
+        return self.where(self.has_range)
+
+    def where(self, chosen: NDArray[np.bool_]) -> Self:
+        """Return the places of an (N,) mask."""
+        return type(self)(**{field.name: getattr(self, field.name)[chosen] for field in fields(self)})
+
+
+def cloud_of(lines: Iterable[ScanLine]) -> Cloud:
+    """Join lines to a cloud."""
+    found = list(lines)
+
+    def joined(name: str, shape: tuple[int, ...], kind: type) -> NDArray[np.float64]:
+        return np.concatenate([np.empty((0, *shape), dtype=kind), *(getattr(line, name) for line in found)], dtype=kind)
+
+    return Cloud(
+        points_mm=joined("points_mm", (3,), np.float64),
+        covariance_mm2=joined("covariance_mm2", (3, 3), np.float64),
+        range_mm=joined("range_mm", (), np.float64),
+        range_variance_mm2=joined("range_variance_mm2", (), np.float64),
+        response_mv=joined("response_mv", (), np.float64),
+        flags=joined("flags", (), np.uint16).astype(np.uint16),
+        rows=np.repeat([line.index for line in found], [len(line.columns) for line in found]).astype(np.int32),
+        columns=joined("columns", (), np.int32).astype(np.int32),
+        angles_rad=joined("angles_rad", (2,), np.float64),
+    )

@@ -1,0 +1,169 @@
+"""The SQLite file under a recording: how it is made and opened, and the settings that make a line durable.
+
+Measured in docs/recording.md. WAL with ``synchronous=FULL`` survives kill -9 and a power cut; ``NORMAL`` loses lines.
+SQLite 3.7.0 to 3.51.2 may corrupt a WAL when two connections write or checkpoint at the same time ("WAL-reset"), so
+one connection writes, it alone checkpoints, at times of its own choosing, and readers are opened read-only.
+"""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import sys
+import zlib
+from pathlib import Path
+
+from instrument.recording.errors import RecordingError, from_sqlite
+
+APPLICATION_ID = 0x7069636F  # "pico"
+LAYOUT = 1
+_BUSY_S = 2.0
+
+SCHEMA = """
+CREATE TABLE scan (
+    id INTEGER PRIMARY KEY CHECK (id = 1),
+    header TEXT NOT NULL,
+    header_crc32 INTEGER NOT NULL,
+    stop_reason TEXT,
+    laser_off_verified INTEGER,
+    summary TEXT
+);
+CREATE TABLE line (
+    k INTEGER PRIMARY KEY,
+    device_time_s REAL NOT NULL,
+    acknowledged_at_s REAL NOT NULL,
+    n INTEGER NOT NULL,
+    sweeps INTEGER NOT NULL,
+    crc32 INTEGER NOT NULL,
+    points BLOB NOT NULL
+);
+CREATE TABLE wave (
+    k INTEGER PRIMARY KEY REFERENCES line(k) ON DELETE CASCADE,
+    rows INTEGER NOT NULL,
+    samples INTEGER NOT NULL,
+    bytes_per_sum INTEGER NOT NULL,
+    crc32 INTEGER NOT NULL,
+    data BLOB NOT NULL
+);
+CREATE TABLE event (
+    id INTEGER PRIMARY KEY,
+    t REAL NOT NULL,
+    kind TEXT NOT NULL,
+    state TEXT,
+    data TEXT NOT NULL
+);
+"""
+
+
+def create_database(path: Path, header: str) -> sqlite3.Connection:
+    """Make a new file (mode 0600: a scan is a patient's) with its tables and header; return the writing connection.
+
+    Raises
+    ------
+    RecordingError
+        If the file exists or the folder cannot be written to. No half-made file is left.
+    """
+    if not path.parent.is_dir():
+        raise RecordingError(path, f"there is no folder {path.parent}", "make it first")
+    try:
+        os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600))
+    except FileExistsError:
+        raise RecordingError(
+            path, "the file exists already", "recordings are never overwritten; name another"
+        ) from None
+    except OSError as error:
+        raise RecordingError(
+            path, f"cannot be made ({error.strerror})", "check the folder and its permissions"
+        ) from error
+    try:
+        connection = _connect(path, "rw")
+        connection.execute(f"PRAGMA application_id={APPLICATION_ID}")
+        connection.execute(f"PRAGMA user_version={LAYOUT}")
+        make_durable(connection)
+        connection.executescript(SCHEMA)
+        row = (header, zlib.crc32(header.encode()))
+        connection.execute("INSERT INTO scan (id, header, header_crc32) VALUES (1, ?, ?)", row)
+        sync_folder(path.parent)
+    except (sqlite3.Error, OSError) as error:
+        for leftover in (path, Path(f"{path}-wal"), Path(f"{path}-shm")):
+            leftover.unlink(missing_ok=True)
+        if isinstance(error, sqlite3.Error):
+            raise from_sqlite(path, error) from error
+        raise RecordingError(path, f"cannot be made ({error.strerror})") from error
+    return connection
+
+
+def open_database(path: Path, *, writing: bool) -> sqlite3.Connection:
+    """Open an existing recording.
+
+    Raises
+    ------
+    RecordingError
+        If there is no such file, it is no recording, has a later layout, or cannot be opened.
+    """
+    if not path.is_file():
+        raise RecordingError(path, "there is no such file", "give the path of a recording")
+    try:
+        connection = _connect(path, "rw" if writing else "ro")
+        application = connection.execute("PRAGMA application_id").fetchone()[0]
+        layout = connection.execute("PRAGMA user_version").fetchone()[0]
+    except sqlite3.Error as error:
+        raise from_sqlite(path, error) from error
+    if application != APPLICATION_ID or layout > LAYOUT:
+        connection.close()
+        if application != APPLICATION_ID:
+            raise RecordingError(path, "this is no recording", "give a file that `picoradar scan` has written")
+        raise RecordingError(path, f"has layout {layout}; this picoradar reads up to {LAYOUT}", "use a newer picoradar")
+    if writing:
+        try:
+            make_durable(connection)
+        except sqlite3.Error as error:
+            connection.close()
+            raise from_sqlite(path, error) from error
+    return connection
+
+
+def _connect(path: Path, mode: str) -> sqlite3.Connection:
+    address = f"{path.resolve().as_uri()}?mode={mode}"
+    # Reads and writes may come from several threads; `Recording` lets one in at a time.
+    connection = sqlite3.connect(address, uri=True, timeout=_BUSY_S, isolation_level=None, check_same_thread=False)
+    if mode == "ro":
+        connection.execute("PRAGMA query_only=ON")
+    return connection
+
+
+def make_durable(connection: sqlite3.Connection) -> None:
+    """Set what makes a committed transaction survive a power cut, and check that SQLite took it.
+
+    Raises
+    ------
+    sqlite3.OperationalError
+        If the file system does not allow a WAL (network folders do not).
+    """
+    mode = connection.execute("PRAGMA journal_mode=WAL").fetchone()[0]
+    if mode != "wal":
+        raise sqlite3.OperationalError(f"journal_mode is {mode}, not wal: use a folder on a local disk")
+    connection.execute("PRAGMA synchronous=FULL")
+    connection.execute("PRAGMA foreign_keys=ON")
+    # SQLite's own automatic checkpoint hides its errors; `Recording` checkpoints by itself and looks at them.
+    connection.execute("PRAGMA wal_autocheckpoint=0")
+    if sys.platform == "darwin":  # plain fsync does not reach the platter there
+        connection.execute("PRAGMA fullfsync=1")
+        connection.execute("PRAGMA checkpoint_fullfsync=1")
+
+
+def sync_folder(folder: Path) -> None:
+    """Make the names in a folder durable (on Windows folders cannot be synced, and need not be).
+
+    Raises
+    ------
+    OSError
+        If the disk fails.
+    """
+    if os.name == "nt":
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

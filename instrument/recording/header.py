@@ -1,0 +1,89 @@
+"""The header of a recording: what one must know to use its numbers, as one JSON object."""
+
+from __future__ import annotations
+
+import enum
+import hashlib
+import json
+import math
+import platform
+from collections.abc import Mapping
+from importlib import metadata
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+
+
+def versions() -> dict[str, str]:
+    """Get the versions of all that takes part in the numbers."""
+    found = {"python": platform.python_version()}
+    for name in ("picoradar", "numpy", "scipy"):
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed as a package"
+    return found
+
+
+def digest(content: object) -> str:
+    """Return the SHA-256 (hex) of a JSON value in its one canonical form."""
+    return hashlib.sha256(canonical(content).encode()).hexdigest()
+
+
+def canonical(content: object) -> str:
+    """Return the JSON text with sorted keys; a number that is not finite becomes null, as in all of picoradar's JSON.
+
+    Raises
+    ------
+    ValueError
+        If something in it has no JSON form.
+    """
+    return json.dumps(plain(content), sort_keys=True, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
+
+
+def plain(content: object) -> Any:
+    """Return the content made of dicts, lists, strings, numbers, booleans and None alone.
+
+    Raises
+    ------
+    ValueError
+        Naming the type that has no JSON form.
+    """
+    if content is None or (isinstance(content, (str, bool, int)) and not isinstance(content, enum.Enum)):
+        return content
+    if isinstance(content, (float, np.floating)):
+        return float(content) if math.isfinite(content) else None
+    if isinstance(content, enum.Enum):
+        return plain(content.value)
+    if isinstance(content, (np.integer, np.bool_)):
+        return content.item()
+    if isinstance(content, np.ndarray):
+        return plain(content.tolist())
+    if isinstance(content, Mapping):
+        return {str(key): plain(value) for key, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [plain(value) for value in content]
+    if isinstance(content, PurePath):
+        return str(content)
+    raise ValueError(f"a {type(content).__name__} has no JSON form")
+
+
+def complete_header(header: Mapping[str, Any]) -> dict[str, Any]:
+    """Check a header and add what the recording knows by itself (versions, digest of the calibration).
+
+    Raises
+    ------
+    ValueError
+        Naming the key that is missing or wrong.
+    """
+    raster = header.get("raster")
+    if not isinstance(raster, Mapping):
+        raise ValueError("the header has no `raster` (rows, columns, step_mm, mode, averages)")
+    for name in ("rows", "columns"):
+        count = raster.get(name)
+        if not isinstance(count, int) or isinstance(count, bool) or count < 1:
+            raise ValueError(f"raster.{name} of the header is {count!r}, not a whole number from 1 up")
+    full: dict[str, Any] = plain({"versions": versions(), "calibration": None, **header})
+    full["calibration_digest"] = digest(full["calibration"])
+    return full

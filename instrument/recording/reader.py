@@ -1,0 +1,236 @@
+"""Reading a recording: header, lines verified by their check sums, events, how it ended."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import threading
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from instrument.recording import rows
+from instrument.recording.cloud import Cloud, cloud_of
+from instrument.recording.errors import RecordingError, from_sqlite
+from instrument.scan_line import ScanLine
+
+
+@dataclass(frozen=True)
+class Event:
+    """What happened during a scan: a change of state, an alarm, a read-back."""
+
+    time_s: float
+    kind: str
+    state: str | None
+    fields: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class LineCheck:
+    """Whether a line can be relied on; `problem` says what is wrong."""
+
+    index: int
+    problem: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Get whether the line is whole."""
+        return not self.problem
+
+
+class Reader:
+    """What can be read from a recording, while it is written or after.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    header : dict
+        Settings, seed, versions, calibration and its digest, raster, scanner, trace.
+    """
+
+    def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
+        self.path = path
+        self._connection = connection
+        self._lock = threading.RLock()
+        try:
+            self.header = self._read_header()
+        except RecordingError:
+            connection.close()
+            raise
+
+    def close(self) -> None:
+        """Close the file. The lines are safe with or without it."""
+        with self._lock:
+            self._connection.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def raster(self) -> dict[str, Any]:
+        """Get rows, columns, step_mm, mode, averages."""
+        raster: dict[str, Any] = self.header["raster"]
+        return raster
+
+    @property
+    def times_ps(self) -> NDArray[np.float64]:
+        """Get the (S,) times of the samples of a trace, ps after the trigger."""
+        trace = self._trace()
+        return np.asarray(trace["start_ps"] + trace["step_ps"] * np.arange(trace["samples"]), dtype=np.float64)
+
+    def traces_mv(self, line: ScanLine) -> NDArray[np.float64]:
+        """Return the (N, S) averaged traces of a line in mV at the photodiode.
+
+        Raises
+        ------
+        RecordingError
+            If the line was recorded without traces.
+        """
+        if line.sums is None:
+            raise RecordingError(self.path, "was recorded without its traces", line=line.index)
+        trace = self._trace()
+        codes = line.sums.astype(np.float64) / line.sweeps
+        return np.asarray((codes - trace["zero_code"]) * trace["mv_per_code"], dtype=np.float64)
+
+    @property
+    def done(self) -> list[int]:
+        """Get the lines that are there, in ascending order."""
+        return [int(row[0]) for row in self._rows("SELECT k FROM line ORDER BY k")]
+
+    @property
+    def missing(self) -> list[int]:
+        """Get the lines of the raster that are not there yet."""
+        return sorted(set(range(self.raster["rows"])) - set(self.done))
+
+    @property
+    def stop_reason(self) -> str | None:
+        """Get why the scan ended; None if it was never closed (it runs, or its process died)."""
+        reason: str | None = self._value("SELECT stop_reason FROM scan")
+        return reason
+
+    @property
+    def laser_off_verified(self) -> bool | None:
+        """Get whether the laser was read back as off at the end; None if the scan was never closed."""
+        verified = self._value("SELECT laser_off_verified FROM scan")
+        return None if verified is None else bool(verified)
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Get the figures given to `finish`."""
+        text = self._value("SELECT summary FROM scan")
+        found: dict[str, Any] = {} if text is None else json.loads(text)
+        return found
+
+    @property
+    def complete(self) -> bool:
+        """Get whether the scan was closed and every line of the raster is there."""
+        return self.stop_reason is not None and not self.missing
+
+    def line(self, index: int, *, traces: bool = True) -> ScanLine:
+        """Return one line, verified.
+
+        Raises
+        ------
+        RecordingError
+            If it is not there, or damaged: which, and how.
+        """
+        try:
+            with self._lock:
+                found = self._connection.execute(rows.SELECT_LINE, (index,)).fetchone()
+                wave = self._connection.execute(rows.SELECT_WAVE, (index,)).fetchone() if traces else None
+            if found is None:
+                raise RecordingError(self.path, "the line is not in the recording", line=index)
+            return rows.unpack(found, wave)
+        except sqlite3.Error as error:
+            raise from_sqlite(self.path, error, line=index) from error
+        except ValueError as error:
+            raise RecordingError(self.path, f"the line is damaged: {error}", line=index) from error
+
+    def lines(self, *, traces: bool = True, skip_damaged: bool = False) -> Iterator[ScanLine]:
+        """Iterate over the lines, each verified by its check sum.
+
+        Parameters
+        ----------
+        traces : bool
+            Read the raw traces too (most of the file).
+        skip_damaged : bool
+            Pass over damaged lines; `check` says which they are.
+
+        Raises
+        ------
+        RecordingError
+            At a damaged line.
+        """
+        for index in self.done:
+            try:
+                line = self.line(index, traces=traces)
+            except RecordingError:
+                if not skip_damaged:
+                    raise
+                continue
+            yield line
+
+    def check(self) -> list[LineCheck]:
+        """Read every line and its traces; say of each whether it is whole."""
+        found = []
+        for index in self.done:
+            try:
+                self.line(index)
+            except RecordingError as error:
+                found.append(LineCheck(index, error.what))
+            else:
+                found.append(LineCheck(index))
+        return found
+
+    def cloud(self, *, skip_damaged: bool = False) -> Cloud:
+        """Return the points of all lines as arrays (without traces).
+
+        Raises
+        ------
+        RecordingError
+            At a damaged line, unless they are to be skipped.
+        """
+        return cloud_of(self.lines(traces=False, skip_damaged=skip_damaged))
+
+    def events(self) -> list[Event]:
+        """Return what happened, in order."""
+        found = self._rows("SELECT t, kind, state, data FROM event ORDER BY id")
+        return [Event(t, kind, state, json.loads(data)) for t, kind, state, data in found]
+
+    def _read_header(self) -> dict[str, Any]:
+        found = self._rows("SELECT header, header_crc32 FROM scan")
+        if not found:
+            raise RecordingError(self.path, "has no header", "it was broken off at its very beginning; scan again")
+        text, crc = found[0]
+        if zlib.crc32(text.encode()) != crc:
+            raise RecordingError(self.path, "the check sum of the header does not fit", "restore it from a copy")
+        header: dict[str, Any] = json.loads(text)
+        return header
+
+    def _trace(self) -> dict[str, Any]:
+        trace = self.header.get("trace")
+        if not isinstance(trace, dict):
+            raise RecordingError(self.path, "its header says nothing about traces")
+        return trace
+
+    def _rows(self, query: str) -> list[Any]:
+        try:
+            with self._lock:
+                return self._connection.execute(query).fetchall()
+        except sqlite3.Error as error:
+            raise from_sqlite(self.path, error) from error
+
+    def _value(self, query: str) -> Any:
+        return self._rows(query)[0][0]

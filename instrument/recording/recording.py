@@ -1,0 +1,247 @@
+"""`Recording`: one SQLite file a scan, written line by line; an acknowledged line survives kill -9 and a power cut."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, Self
+
+from instrument.recording import rows
+from instrument.recording.database import create_database, open_database, sync_folder
+from instrument.recording.errors import RecordingError, from_sqlite
+from instrument.recording.header import canonical, complete_header
+from instrument.recording.reader import Reader
+from instrument.scan_line import ScanLine
+
+_CHECKPOINT_BYTES = 16_000_000
+
+
+class Recording(Reader):
+    """A scan on the disk.
+
+    Make one with `create` (new scan), `resume` (go on with an interrupted one) or `open` (read only; also while it is
+    being written). A context manager: leaving it closes the file, and does not declare the scan finished.
+    """
+
+    def __init__(self, path: Path, connection: sqlite3.Connection, *, writing: bool) -> None:
+        super().__init__(path, connection)
+        self._writing = writing
+        self._why_not = "" if writing else " (it was opened for reading)"
+
+    @classmethod
+    def create(cls, path: str | os.PathLike[str], header: Mapping[str, Any]) -> Self:
+        """Begin a recording.
+
+        Parameters
+        ----------
+        path : path
+            A file that does not exist, on a local disk.
+        header : mapping
+            JSON content. Needed: ``raster`` with rows and columns. By convention: ``settings``, ``seed``, ``run_id``,
+            ``calibration`` (its whole content), ``scanner`` (identities of the devices), ``trace`` (start_ps, step_ps,
+            samples, zero_code, mv_per_code). Added here: ``versions``, ``calibration_digest``.
+
+        Raises
+        ------
+        RecordingError
+            If the file exists, the folder cannot be written to, or the header is not complete.
+        """
+        file = Path(path)
+        try:
+            text = canonical(complete_header(header))
+        except ValueError as error:
+            raise RecordingError(file, str(error)) from error
+        connection = create_database(file, text)
+        return cls(file, connection, writing=True)
+
+    @classmethod
+    def open(cls, path: str | os.PathLike[str]) -> Self:
+        """Open a recording for reading; nothing is ever changed in it.
+
+        Raises
+        ------
+        RecordingError
+            If there is none, it is not a recording, or its header is damaged.
+        """
+        file = Path(path)
+        return cls(file, open_database(file, writing=False), writing=False)
+
+    @classmethod
+    def resume(cls, path: str | os.PathLike[str]) -> Self:
+        """Open an interrupted recording to go on with the lines in `missing`.
+
+        Lines that fail their check are taken out, with an event that says so, so that they are scanned again.
+
+        Raises
+        ------
+        RecordingError
+            As `open`; or if no line is missing.
+        """
+        file = Path(path)
+        recording = cls(file, open_database(file, writing=True), writing=True)
+        damaged = [line for line in recording.check() if not line.ok]
+        if not recording.missing and not damaged:
+            recording.close()
+            raise RecordingError(file, "holds all its lines; there is nothing to go on with")
+        last = recording._value("SELECT coalesce(max(acknowledged_at_s), 0) FROM line")
+        before = recording.stop_reason
+        with recording._transaction():
+            for line in damaged:
+                recording._connection.execute("DELETE FROM line WHERE k = ?", (line.index,))
+            recording._connection.execute("UPDATE scan SET stop_reason=NULL, laser_off_verified=NULL, summary=NULL")
+        for line in damaged:
+            recording.event(last, "line taken out", line=line.index, problem=line.problem)
+        recording.event(last, "resumed", stop_reason_before=before)
+        return recording
+
+    def append(self, line: ScanLine, *, acknowledged_at_s: float | None = None) -> None:
+        """Write a line; on return it is on the disk. Hand a line to nobody before.
+
+        Parameters
+        ----------
+        line : ScanLine
+            A row of the raster that is not there yet.
+        acknowledged_at_s : float, optional
+            Device time now; without it, the time at which the line was begun.
+
+        Raises
+        ------
+        RecordingError
+            If it could not be made durable: then it is not in the recording, and the lines before it are.
+        """
+        if not 0 <= line.index < self.raster["rows"]:
+            raise RecordingError(self.path, f"the raster has the lines 0 to {self.raster['rows'] - 1}", line=line.index)
+        acknowledged = line.device_time_s if acknowledged_at_s is None else acknowledged_at_s
+        try:
+            line_row, wave_row = rows.pack(line, acknowledged)
+        except ValueError as error:
+            raise RecordingError(self.path, str(error), line=line.index) from error
+        with self._transaction(line.index):
+            self._connection.execute(rows.INSERT_LINE, line_row)
+            if wave_row is not None:
+                self._connection.execute(rows.INSERT_WAVE, wave_row)
+        self._checkpoint_when_due(line.index)
+
+    def event(self, time_s: float, kind: str, *, state: str | None = None, **fields: object) -> None:
+        """Write down what happened (durable on return).
+
+        Parameters
+        ----------
+        time_s : float
+            Device time.
+        kind : str
+            What it is, for example ``"state"``, ``"alarm"``, ``"laser off"``.
+        state : str, optional
+            State of the controller.
+        **fields
+            Anything that has a JSON form.
+
+        Raises
+        ------
+        RecordingError
+            If it could not be written.
+        """
+        try:
+            data = canonical(fields)
+        except ValueError as error:
+            raise RecordingError(self.path, f"event '{kind}': {error}") from error
+        with self._transaction():
+            self._connection.execute(
+                "INSERT INTO event (t, kind, state, data) VALUES (?, ?, ?, ?)", (float(time_s), kind, state, data)
+            )
+
+    def finish(self, stop_reason: str, laser_off_verified: bool, **summary: object) -> bool:
+        """Close the scan: write how it ended, and bring everything into the one file.
+
+        Parameters
+        ----------
+        stop_reason : str
+            For example ``"finished"``, ``"aborted by the operator"``, the cause of a fault.
+        laser_off_verified : bool
+            Whether the read-back of the safe way out showed the laser off.
+        **summary
+            Figures of the scan (device time, flags ...).
+
+        Returns
+        -------
+        bool
+            True if the file stands alone now; False while another program still reads it: then copy it together with
+            its ``-wal`` file, or open and finish it later.
+
+        Raises
+        ------
+        RecordingError
+            If it could not be written.
+        """
+        with self._transaction():
+            self._connection.execute(
+                "UPDATE scan SET stop_reason = ?, laser_off_verified = ?, summary = ?",
+                (stop_reason, int(laser_off_verified), canonical(summary)),
+            )
+        with self._lock:
+            self._writing, self._why_not = False, ": the scan was closed"
+            try:
+                busy = self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()[0]
+                if busy:
+                    return False
+                self._connection.execute("PRAGMA journal_mode=DELETE")
+                sync_folder(self.path.parent)
+            except sqlite3.Error as error:
+                if getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_BUSY:
+                    return False
+                raise self._failure(error, None) from error
+        return True
+
+    @contextmanager
+    def _transaction(self, line: int | None = None) -> Iterator[None]:
+        """Run statements as one durable transaction; nothing of it remains if it fails."""
+        with self._lock:
+            if not self._writing:
+                raise RecordingError(self.path, f"is not open for writing{self._why_not}", line=line)
+            try:
+                self._connection.execute("BEGIN IMMEDIATE")
+                yield
+                self._connection.execute("COMMIT")
+            except sqlite3.Error as error:
+                raise self._failure(error, line) from error
+            finally:
+                self._roll_back()
+
+    def _roll_back(self) -> None:
+        if self._connection.in_transaction:
+            with suppress(sqlite3.Error):  # the transaction is gone with the connection in any case
+                self._connection.execute("ROLLBACK")
+
+    def _failure(self, error: sqlite3.Error, line: int | None) -> RecordingError:
+        """Undo the line, count what is safe, and after an input/output error write no more.
+
+        A failed fsync leaves unknown what reached the disk, and a second one may report success all the same.
+        """
+        self._roll_back()
+        try:
+            kept: int | None = len(self.done)
+        except RecordingError:
+            kept = None
+        failure = from_sqlite(self.path, error, line=line, kept=kept)
+        if getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CORRUPT):
+            self._writing = False
+            self._why_not = f" any more: {failure.what}"
+        return failure
+
+    def _checkpoint_when_due(self, line: int) -> None:
+        """Move the WAL into the file before it gets long; a failure is told, though the line itself is safe."""
+        with self._lock:
+            try:
+                if self._wal_bytes() > _CHECKPOINT_BYTES:
+                    self._connection.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()
+            except sqlite3.Error as error:
+                raise self._failure(error, line) from error
+
+    def _wal_bytes(self) -> int:
+        try:
+            return Path(f"{self.path}-wal").stat().st_size
+        except FileNotFoundError:
+            return 0
