@@ -1,0 +1,128 @@
+"""The registration method of the dissertation (S 3.3.3): ICP, minima suppression and outlier elimination."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from registration._types import BoolArray, FloatArray
+from registration.icp import IcpResult, Iteration, icp
+from registration.rigid import pose, rotation_from_vector, transform
+from registration.surface import Surface
+
+
+@dataclass(frozen=True)
+class DissertationSettings:
+    """Parameters of the method, with the values of table 4.4 (bone scan to CT).
+
+    Attributes
+    ----------
+    max_iterations : int
+        Of one ICP run.
+    tolerance_mm2 : float
+        ICP stops when the mean square distance improves by less.
+    suppression_runs : int
+        Perturbed runs that must pass without improvement before minima suppression ends; 0 switches it off.
+    perturbation_deg, perturbation_mm : float
+        Bounds of the random perturbation: angle of the angle-axis form, and length of the translation.
+    outlier_threshold_mm : float or None
+        Residual above which a point is an outlier; None switches elimination off.
+    outlier_fraction : float
+        Share of the outliers removed in one pass, the largest first.
+    seed : int
+        Of the perturbations.
+    """
+
+    max_iterations: int = 200
+    tolerance_mm2: float = 1e-9
+    suppression_runs: int = 6
+    perturbation_deg: float = 3.0
+    perturbation_mm: float = 2.4
+    outlier_threshold_mm: float | None = 1.0
+    outlier_fraction: float = 0.10
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class DissertationResult:
+    """Pose (4, 4), points still in use (N,) and the convergence history."""
+
+    model_from_scanner: FloatArray
+    used: BoolArray
+    history: list[Iteration] = field(default_factory=list)
+
+
+def register_dissertation(
+    points: FloatArray, surface: Surface, start: FloatArray, settings: DissertationSettings | None = None
+) -> DissertationResult:
+    """Register by ICP with minima suppression, then eliminate outliers (dissertation S 3.3.3).
+
+    I. Run ICP to convergence (with minima suppression). II. Where residuals exceed the threshold, remove a fraction of
+    these points. III. Repeat until none exceeds it.
+
+    Parameters
+    ----------
+    points : (N, 3) array
+        Scanner frame, mm.
+    surface : Surface
+    start : (4, 4) array
+        `model_from_scanner`, from landmarks as a rule.
+    settings : DissertationSettings, optional
+    """
+    s = settings or DissertationSettings()
+    best = suppress_minima(points, surface, start, s)
+    history = list(best.history)
+    used = np.ones(len(points), dtype=np.bool_)
+    while s.outlier_threshold_mm is not None:
+        distances = np.abs(surface.closest(transform(best.model_from_scanner, points[used])).signed_mm)
+        outliers = np.flatnonzero(distances > s.outlier_threshold_mm)
+        if len(outliers) == 0:
+            break
+        count = max(1, round(s.outlier_fraction * len(outliers)))
+        if used.sum() - count < 6:
+            break
+        worst = outliers[np.argsort(-distances[outliers], kind="stable")[:count]]
+        used[np.flatnonzero(used)[worst]] = False
+        best = icp(
+            points[used],
+            surface,
+            best.model_from_scanner,
+            max_iterations=s.max_iterations,
+            tolerance_mm2=s.tolerance_mm2,
+            stage="outlier elimination",
+        )
+        history.extend(best.history)
+    return DissertationResult(best.model_from_scanner, used, history)
+
+
+def suppress_minima(
+    points: FloatArray, surface: Surface, start: FloatArray, settings: DissertationSettings
+) -> IcpResult:
+    """Repeat ICP from random perturbations of the best pose until nothing improves (dissertation S 3.3.3)."""
+    s = settings
+    rng = np.random.default_rng(s.seed)
+    options = {"max_iterations": s.max_iterations}
+    best = icp(points, surface, start, tolerance_mm2=s.tolerance_mm2, stage="icp", **options)
+    history = list(best.history)
+    error, barren = float(np.mean(best.distances_mm**2)), 0
+    centre = points.mean(axis=0)
+    while barren < s.suppression_runs:
+        perturbed = best.model_from_scanner @ _perturbation(rng, s, centre)
+        trial = icp(points, surface, perturbed, tolerance_mm2=s.tolerance_mm2, stage="minima suppression", **options)
+        history.extend(trial.history)
+        trial_error = float(np.mean(trial.distances_mm**2))
+        if trial_error < error - s.tolerance_mm2:
+            best, error, barren = trial, trial_error, 0
+        else:
+            barren += 1
+    return IcpResult(best.model_from_scanner, best.distances_mm, best.converged, history)
+
+
+def _perturbation(rng: np.random.Generator, s: DissertationSettings, centre: FloatArray) -> FloatArray:
+    """Random motion of the data about its centroid: angle and length uniform up to their bounds."""
+    axis, direction = rng.normal(size=3), rng.normal(size=3)
+    angle = np.radians(rng.uniform(0.0, s.perturbation_deg))
+    rotation = rotation_from_vector(axis / np.linalg.norm(axis) * angle)
+    shift = direction / np.linalg.norm(direction) * rng.uniform(0.0, s.perturbation_mm)
+    return pose(rotation, centre - rotation @ centre + shift)

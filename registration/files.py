@@ -1,0 +1,59 @@
+"""Reading a model from a mesh file."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from registration._types import FloatArray, IntArray
+from registration.errors import MeshError
+from registration.model import Model, prepare_model
+
+SUFFIXES = (".stl", ".ply", ".obj", ".glb", ".vtp")
+
+
+def load_model(path: str | os.PathLike[str]) -> Model:
+    """Read and prepare a model.
+
+    Parameters
+    ----------
+    path : path
+        A ``.stl``, ``.ply``, ``.obj``, ``.glb`` or ``.vtp`` file, in millimetres.
+
+    Raises
+    ------
+    MeshError
+        Naming the file, what was found and what to do.
+    """
+    file = Path(path)
+    if file.suffix.lower() not in SUFFIXES:
+        raise MeshError(f"{file}: a model is one of {' '.join(SUFFIXES)}, not '{file.suffix}'")
+    if not file.is_file():
+        raise MeshError(f"{file}: there is no such file; give the path of a mesh file")
+    vertices, faces = _read_vtp(file) if file.suffix.lower() == ".vtp" else _read_with_trimesh(file)
+    try:
+        return prepare_model(vertices, faces, name=file.name)
+    except MeshError as error:
+        raise MeshError(f"{file}: {error}") from error
+
+
+def _read_with_trimesh(file: Path) -> tuple[FloatArray, IntArray]:
+    import trimesh
+
+    try:
+        loaded: Any = trimesh.load(file, process=False)
+        mesh: Any = loaded.to_mesh() if isinstance(loaded, trimesh.Scene) else loaded
+    except Exception as error:  # a reader may fail in any way on a damaged file; all mean the same here
+        raise MeshError(f"{file}: cannot be read as a mesh ({error}); export it again") from error
+    if not isinstance(mesh, trimesh.Trimesh):
+        raise MeshError(f"{file}: holds no triangles (a {type(mesh).__name__}); give a surface mesh")
+    return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
+
+
+def _read_vtp(file: Path) -> tuple[FloatArray, IntArray]:
+    from registration.vtp import read_vtp
+
+    return read_vtp(file)

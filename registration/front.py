@@ -1,0 +1,206 @@
+"""The front door: :func:`register`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from registration._types import BoolArray, FloatArray
+from registration.assess import Asked, Solution, assess
+from registration.dissertation import DissertationSettings, register_dissertation
+from registration.errors import RegistrationError, StartError
+from registration.local import refine
+from registration.model import Model
+from registration.noise import TYPICAL_RANGE_MM, NoiseModel
+from registration.result import Registration
+from registration.rigid import pose, rotation_from_vector, transform
+from registration.scan import Scan, checked_scan
+from registration.start import Start, start_pose
+from registration.surface import Closest, Surface
+from registration.verdict import Tolerance
+from registration.visibility import visible_shell
+
+
+def register(
+    points: npt.ArrayLike,
+    model: Model,
+    *,
+    start: Start = "any",
+    origin: npt.ArrayLike = (0.0, 0.0, 0.0),
+    covariance: npt.ArrayLike | None = None,
+    response_mv: npt.ArrayLike | None = None,
+    grid: npt.ArrayLike | None = None,
+    method: Literal["robust", "dissertation"] = "robust",
+    targets: npt.ArrayLike | Sequence[dict[str, Any]] | None = None,
+    noise_mm: float | None = None,
+    range_bias_mm: float = 0.1,
+    exclude: Sequence[Mapping[str, Any]] | None = None,
+    tolerance: Tolerance | None = None,
+    settings: DissertationSettings | None = None,
+) -> Registration:
+    """Register measured points to a model.
+
+    Parameters
+    ----------
+    points : (N, 3) array
+        Scanner frame, mm, N at least 6.
+    model : Model
+        From :func:`registration.prepare_model` or :func:`registration.load_model`.
+    start : "any", (4, 4) array, Landmarks or list of dicts
+        Where to start: anywhere, from a pose `model_from_scanner`, or from landmark pairs
+        ``{"scanner": [x, y, z], "model": [x, y, z], "name": ...}``.
+    origin : (3,) array
+        Where the beams came from, scanner frame, mm.
+    covariance : (N, 3, 3) array, optional
+        Of the points, mm^2.
+    response_mv : (N,) array, optional
+        Amplitude of each echo at the photodiode.
+    grid : (N, 2) array of int, optional
+        Raster row and column of each point.
+    method : {"robust", "dissertation"}
+        "dissertation" is the ICP of S 3.3 with outlier elimination and minima suppression; it needs a start.
+    targets : (M, 3) array or list of dicts, optional
+        Points of the model frame where the error matters, mm; dicts hold "position" and "name".
+    noise_mm : float, optional
+        Range noise of a point; estimated from the residuals when not given.
+    range_bias_mm : float
+        Common range error to budget for at the targets.
+    exclude : list of dicts, optional
+        Regions of the model that take no part: ``{"center": [x, y, z], "radius_mm": r}``, model frame.
+    tolerance : Tolerance, optional
+        Limits of the verdict, 1 deg and 1 mm when not given.
+    settings : DissertationSettings, optional
+        Parameters of ``method="dissertation"``.
+
+    Returns
+    -------
+    Registration
+
+    Raises
+    ------
+    RegistrationError
+        One of its family (points, start, degenerate geometry), saying what was found and what to do.
+    """
+    scan = checked_scan(points, origin=origin, covariance=covariance, response_mv=response_mv, grid=grid)
+    if noise_mm is not None and not (np.isfinite(noise_mm) and noise_mm > 0):
+        raise RegistrationError(f"noise_mm is {noise_mm}: give a positive number of mm, or leave it out")
+    regions = excluded_regions(exclude)
+    from_start = start_pose(start)
+    if method == "dissertation":
+        solution = _dissertation(scan, model, from_start, settings)
+    elif method == "robust":
+        solution = _robust(scan, model, from_start, noise_mm, regions)
+    else:
+        raise RegistrationError(f"method is {method!r}: give 'robust' or 'dissertation'")
+    asked = Asked(targets=targets, tolerance=tolerance or Tolerance(), range_bias_mm=range_bias_mm)
+    return assess(scan, solution, asked, list(model.report.findings))
+
+
+def excluded_regions(exclude: Sequence[Mapping[str, Any]] | None) -> FloatArray:
+    """Spheres (K, 4) of centre and radius.
+
+    Raises
+    ------
+    RegistrationError
+        If an entry lacks "center" or "radius_mm".
+    """
+    rows = []
+    for index, region in enumerate(exclude or ()):
+        try:
+            row = [*np.asarray(region["center"], dtype=np.float64).reshape(3), float(region["radius_mm"])]
+        except (KeyError, TypeError, ValueError) as error:
+            raise RegistrationError(
+                f'excluded region {index} is no {{"center": [x, y, z], "radius_mm": r}} ({error})'
+            ) from error
+        rows.append(row)
+    return np.array(rows, dtype=np.float64).reshape(-1, 4)
+
+
+def outside_regions(points: FloatArray, regions: FloatArray) -> BoolArray:
+    """Points (N,) that lie in none of the spheres `regions` (K, 4)."""
+    outside = np.ones(len(points), dtype=np.bool_)
+    for region in regions:
+        outside &= ((points - region[:3]) ** 2).sum(axis=1) > region[3] ** 2
+    return outside
+
+
+def _shell(scan: Scan, model: Model, start: FloatArray) -> Surface:
+    towards = transform(start, scan.origin[None])[0] - transform(start, scan.points).mean(axis=0)
+    return visible_shell(model.surface, towards)
+
+
+def _dissertation(
+    scan: Scan, model: Model, start: FloatArray | None, settings: DissertationSettings | None
+) -> Solution:
+    if start is None:
+        raise StartError("method 'dissertation' needs a start: give landmarks or a 4x4 pose, or take method 'robust'")
+    surface = _shell(scan, model, start) if model.closed else model.surface
+    result = register_dissertation(scan.points, surface, start, settings)
+    closest = surface.closest(transform(result.model_from_scanner, scan.points))
+    noise = estimated_noise(scan, result.model_from_scanner, closest, result.used)
+    return Solution(
+        model_from_scanner=result.model_from_scanner,
+        closest=closest,
+        inliers=result.used,
+        history=result.history,
+        rivals=[],
+        noise=noise,
+        noise_limit_mm=3.0 * TYPICAL_RANGE_MM,
+        method="dissertation",
+    )
+
+
+def _robust(
+    scan: Scan, model: Model, start: FloatArray | None, noise_mm: float | None, regions: FloatArray
+) -> Solution:
+    if start is None:
+        raise StartError("give a start: landmarks or a 4x4 pose")
+    shell = _shell(scan, model, start)
+    rng_free = _best_of_fan(scan, shell, start)
+    noise = NoiseModel(range_mm=noise_mm or TYPICAL_RANGE_MM)
+    refined = refine(scan, shell, rng_free, noise)
+    if noise_mm is None and scan.covariance is None:
+        noise = estimated_noise(scan, refined.model_from_scanner, refined.closest, refined.inliers)
+        refined = refine(scan, shell, refined.model_from_scanner, noise, schedule_mm=())
+    inliers = refined.inliers & outside_regions(refined.closest.points, regions)
+    return Solution(
+        model_from_scanner=refined.model_from_scanner,
+        closest=refined.closest,
+        inliers=inliers,
+        history=refined.history,
+        rivals=[],
+        noise=noise,
+        noise_limit_mm=3.0 * (noise_mm or TYPICAL_RANGE_MM),
+        method="robust",
+    )
+
+
+def estimated_noise(scan: Scan, solution: FloatArray, closest: Closest, used: BoolArray) -> NoiseModel:
+    """Range noise from the residuals of the points in use, projected back onto their beams (MAD scale)."""
+    beams = scan.beams[used] @ solution[:3, :3].T
+    cosine = np.abs(np.einsum("ij,ij->i", beams, closest.normals[used]))
+    steep = cosine > 0.5
+    if steep.sum() < 6:
+        return NoiseModel()
+    along = closest.signed_mm[used][steep] / cosine[steep]
+    return NoiseModel(range_mm=float(np.clip(1.4826 * np.median(np.abs(along)), 0.02, 5.0)))
+
+
+def _best_of_fan(scan: Scan, shell: Surface, start: FloatArray) -> FloatArray:
+    """Refine a thinned cloud from a fan of rotations about the start, and return the best: clicks are a few mm off."""
+    step = max(1, len(scan) // 250)
+    thin = Scan(scan.points[::step], scan.beams[::step], scan.origin)
+    centre = transform(start, thin.points).mean(axis=0)
+    best, best_cost = start, np.inf
+    noise = NoiseModel()
+    turns = [np.zeros(3)] + [np.radians(12.0) * axis for axis in np.concatenate([np.eye(3), -np.eye(3)])]
+    for turn in turns:
+        rotation = rotation_from_vector(turn)
+        trial = refine(thin, shell, pose(rotation, centre - rotation @ centre) @ start, noise, iterations=6)
+        cost = float(np.minimum(np.abs(trial.closest.signed_mm / trial.sigma_mm), 4.0).mean())
+        if cost < best_cost:
+            best, best_cost = trial.model_from_scanner, cost
+    return best

@@ -1,0 +1,86 @@
+"""The model that points are registered to: a validated mesh with its search structures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from registration._types import FloatArray, IntArray
+from registration.mesh import MeshReport, validated
+from registration.surface import Closest, Surface
+
+
+@dataclass(frozen=True)
+class Model:
+    """A prepared model; make one with :func:`prepare_model` or :func:`registration.load_model`.
+
+    Attributes
+    ----------
+    surface : Surface
+        Validated triangles with exact closest points.
+    report : MeshReport
+        What validation found and mended.
+    name : str
+        Where it came from, for messages.
+    """
+
+    surface: Surface
+    report: MeshReport
+    name: str = "model"
+
+    @property
+    def vertices(self) -> FloatArray:
+        """Vertices (V, 3) mm."""
+        return self.surface.vertices
+
+    @property
+    def faces(self) -> IntArray:
+        """Triangles (F, 3), counter-clockwise seen from outside."""
+        return self.surface.faces
+
+    @property
+    def normals(self) -> FloatArray:
+        """Angle-weighted unit normals of the vertices (V, 3)."""
+        return self.surface.vertex_normals
+
+    @property
+    def closed(self) -> bool:
+        """Whether the surface encloses a volume."""
+        return self.report.closed
+
+    @property
+    def centre(self) -> FloatArray:
+        """Centre of the bounding box (3,) mm."""
+        return np.asarray((self.vertices.max(axis=0) + self.vertices.min(axis=0)) / 2.0, dtype=np.float64)
+
+    @property
+    def size_mm(self) -> float:
+        """Diagonal of the bounding box."""
+        return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
+
+    def closest(self, points: FloatArray) -> Closest:
+        """Exact closest points of `points` (N, 3) mm in the model frame."""
+        return self.surface.closest(points)
+
+
+def prepare_model(vertices: npt.ArrayLike, faces: npt.ArrayLike, *, name: str = "model") -> Model:
+    """Validate a mesh and prepare it for registration.
+
+    Parameters
+    ----------
+    vertices : (V, 3) array
+        Millimetres.
+    faces : (F, 3) array of int
+        Counter-clockwise seen from outside.
+    name : str
+        For messages.
+
+    Raises
+    ------
+    MeshError
+        See :func:`registration.mesh.validated`.
+    """
+    v, f, report = validated(vertices, faces)
+    return Model(surface=Surface(v, f), report=report, name=name)

@@ -1,0 +1,54 @@
+"""Standard deviation of each plane residual: range noise along the beam, pointing noise across it, model error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from registration._types import FloatArray
+from registration.scan import Scan
+
+TYPICAL_RANGE_MM = 0.4
+"""Range noise of a point averaged over 8 sweeps, assumed until the residuals tell."""
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Noise of one measured point.
+
+    Attributes
+    ----------
+    range_mm : float
+        Standard deviation along the beam.
+    lateral_mm : float
+        Standard deviation across the beam, per axis.
+    model_mm : float
+        Standard deviation of the model's surface along its normal (facets, segmentation).
+    """
+
+    range_mm: float = TYPICAL_RANGE_MM
+    lateral_mm: float = 0.1
+    model_mm: float = 0.03
+
+    def plane_sigma(self, scan: Scan, rotation: FloatArray, normals: FloatArray) -> FloatArray:
+        """Standard deviations (N,) of ``n . (p - c)``: ``n^T Sigma n`` plus the model's part.
+
+        Range noise counts in full at normal incidence only, pointing noise at grazing incidence only.
+
+        Parameters
+        ----------
+        scan : Scan
+            Its covariances are used where given.
+        rotation : (3, 3) array
+            Of `model_from_scanner`.
+        normals : (N, 3) array
+            Model frame.
+        """
+        in_scanner = normals @ rotation
+        if scan.covariance is not None:
+            variance = np.einsum("ni,nij,nj->n", in_scanner, scan.covariance, in_scanner)
+        else:
+            cosine2 = np.einsum("ij,ij->i", in_scanner, scan.beams) ** 2
+            variance = self.range_mm**2 * cosine2 + self.lateral_mm**2 * (1.0 - cosine2)
+        return np.asarray(np.sqrt(variance + self.model_mm**2), dtype=np.float64)

@@ -1,0 +1,106 @@
+"""The measured side of a registration: points with what the instrument knows about them, checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from registration._types import FloatArray, IntArray
+from registration.errors import DegenerateError, PointsError
+
+MIN_POINTS = 6
+"""A rigid pose has six unknowns."""
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Measured points in the scanner frame.
+
+    Attributes
+    ----------
+    points : (N, 3) array
+        mm.
+    beams : (N, 3) array
+        Unit directions from the scanner's origin to the points: where the light came from.
+    origin : (3,) array
+    covariance : (N, 3, 3) array or None
+        mm^2.
+    response_mv : (N,) array or None
+        Amplitude of the echo.
+    grid : (N, 2) array of int or None
+        Row and column in the raster.
+    """
+
+    points: FloatArray
+    beams: FloatArray
+    origin: FloatArray
+    covariance: FloatArray | None = None
+    response_mv: FloatArray | None = None
+    grid: IntArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+def checked_scan(
+    points: npt.ArrayLike,
+    *,
+    origin: npt.ArrayLike = (0.0, 0.0, 0.0),
+    covariance: npt.ArrayLike | None = None,
+    response_mv: npt.ArrayLike | None = None,
+    grid: npt.ArrayLike | None = None,
+) -> Scan:
+    """Check measured points.
+
+    Raises
+    ------
+    PointsError
+        For wrong shapes, fewer than six points, NaN or infinite values, or a point at the scanner's origin.
+    DegenerateError
+        For points on one line.
+    """
+    p = np.ascontiguousarray(points, dtype=np.float64)
+    if p.size == 0:
+        raise PointsError("there are no points: the cloud is empty")
+    if p.ndim != 2 or p.shape[1] != 3:
+        raise PointsError(f"points have shape {p.shape}: give (N, 3) in mm")
+    finite = np.isfinite(p).all(axis=1)
+    if not finite.all():
+        raise PointsError(
+            f"{int((~finite).sum())} of {len(p)} points hold NaN or infinite values (first: row "
+            f"{int(np.argmin(finite))}): leave out beams without an echo"
+        )
+    if len(p) < MIN_POINTS:
+        raise PointsError(f"{len(p)} points: a pose has six unknowns, so at least {MIN_POINTS} points are needed")
+    spread = np.linalg.svd(p - p.mean(axis=0), compute_uv=False)
+    if spread[1] <= 1e-6 * spread[0]:
+        raise DegenerateError("all points lie on one line: the rotation about it is free; scan an area")
+    o = _sized(origin, (3,), "origin")
+    offset = p - o
+    distance = np.linalg.norm(offset, axis=1)
+    if distance.min() < 1e-6:
+        raise PointsError(
+            f"point {int(np.argmin(distance))} lies at the scanner's origin {o.tolist()}: give the true origin"
+        )
+    checked_grid = None
+    if grid is not None:
+        g = np.asarray(grid)
+        if g.shape != (len(p), 2) or not np.issubdtype(g.dtype, np.integer):
+            raise PointsError(f"grid has shape {g.shape} and type {g.dtype}: give whole numbers ({len(p)}, 2)")
+        checked_grid = g.astype(np.int64)
+    checked_covariance = None
+    if covariance is not None:
+        checked_covariance = _sized(covariance, (len(p), 3, 3), "covariance")
+        if np.linalg.eigvalsh(checked_covariance).min() < 0:
+            raise PointsError("covariance holds a matrix with a negative variance")
+    response = None if response_mv is None else _sized(response_mv, (len(p),), "response_mv")
+    return Scan(p, offset / distance[:, None], o, checked_covariance, response, checked_grid)
+
+
+def _sized(values: npt.ArrayLike, shape: tuple[int, ...], name: str) -> FloatArray:
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise PointsError(f"{name} has shape {array.shape}: give finite numbers of shape {shape}")
+    return array

@@ -1,0 +1,148 @@
+"""Exact closest points on a triangle surface, with a sign and a normal that are right on edges and corners too."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from registration._types import BoolArray, FloatArray, IntArray
+from registration.mesh import face_normals_and_areas
+
+TOUCHING_MM = 1e-6
+"""Nearer than this the direction to the surface is rounding; the pseudonormal stands in."""
+
+
+@dataclass(frozen=True)
+class Closest:
+    """Closest points of a query.
+
+    Attributes
+    ----------
+    points : (N, 3) array
+        On the surface.
+    normals : (N, 3) array
+        Unit gradients of the signed distance: from the surface point to the query off the surface, and the
+        pseudonormal on it. Gauss-Newton on these converges where face normals make it circle about edges.
+    signed_mm : (N,) array
+        Distance, positive on the side that the normals point to (outside bone).
+    faces : (N,) array of int
+        Face that holds the point.
+    """
+
+    points: FloatArray
+    normals: FloatArray
+    signed_mm: FloatArray
+    faces: IntArray
+
+
+class Surface:
+    """Triangles with a bounding-volume tree (libigl's AABB, float64, exact).
+
+    Parameters
+    ----------
+    vertices : (V, 3) array
+        mm.
+    faces : (F, 3) array of int64
+
+    Notes
+    -----
+    The sign follows the angle-weighted pseudonormal (Baerentzen and Aanaes, IEEE TVCG 11:243, 2005).
+    """
+
+    def __init__(self, vertices: FloatArray, faces: IntArray) -> None:
+        self.vertices = np.ascontiguousarray(vertices, dtype=np.float64)
+        self.faces = np.ascontiguousarray(faces, dtype=np.int64)
+        self.face_normals, self.face_areas = face_normals_and_areas(self.vertices, self.faces)
+
+    @cached_property
+    def tree(self) -> Any:
+        """libigl's tree over the faces, made when first asked for."""
+        import igl
+
+        tree = igl.AABB()
+        tree.init(self.vertices, self.faces)
+        return tree
+
+    def distances(self, points: FloatArray) -> FloatArray:
+        """Unsigned exact distances (N,) in mm."""
+        squared, _, _ = self.tree.squared_distance(self.vertices, self.faces, np.ascontiguousarray(points))
+        return np.asarray(np.sqrt(squared), dtype=np.float64)
+
+    def closest(self, points: FloatArray) -> Closest:
+        """Closest points of `points` (N, 3) mm."""
+        _, faces, foot = self.tree.squared_distance(self.vertices, self.faces, np.ascontiguousarray(points))
+        normals = self._pseudonormals(faces, foot)
+        offset = points - foot
+        along = np.einsum("ij,ij->i", offset, normals)
+        distance = np.sqrt(np.einsum("ij,ij->i", offset, offset))
+        signed = np.where(along < 0, -distance, distance)
+        off = distance > TOUCHING_MM
+        normals[off] = offset[off] / signed[off, None]
+        return Closest(points=foot, normals=normals, signed_mm=signed, faces=faces)
+
+    def hit(self, origins: FloatArray, directions: FloatArray) -> BoolArray:
+        """Whether rays from `origins` along `directions` (N, 3) meet the surface."""
+        face, _, _ = self.tree.intersect_ray_first(
+            self.vertices, self.faces, np.ascontiguousarray(origins), np.ascontiguousarray(directions)
+        )
+        return np.asarray(face >= 0)
+
+    @cached_property
+    def corner_angles(self) -> FloatArray:
+        """Inner angles (F, 3) in rad."""
+        corners = self.vertices[self.faces]
+        angles = np.empty(self.faces.shape)
+        for k in range(3):
+            u, w = corners[:, (k + 1) % 3] - corners[:, k], corners[:, (k + 2) % 3] - corners[:, k]
+            angles[:, k] = np.arctan2(np.linalg.norm(np.cross(u, w), axis=1), np.einsum("ij,ij->i", u, w))
+        return angles
+
+    @cached_property
+    def vertex_normals(self) -> FloatArray:
+        """Angle-weighted unit normals of the vertices (V, 3)."""
+        total = np.zeros_like(self.vertices)
+        for axis in range(3):
+            for k in range(3):
+                weights = self.face_normals[:, axis] * self.corner_angles[:, k]
+                total[:, axis] += np.bincount(self.faces[:, k], weights=weights, minlength=len(self.vertices))
+        length = np.maximum(np.linalg.norm(total, axis=1), np.finfo(np.float64).tiny)
+        return np.asarray(total / length[:, None], dtype=np.float64)
+
+    @cached_property
+    def edge_normals(self) -> FloatArray:
+        """Unit normals (F, 3, 3) of the edges opposite each face's corners, both neighbours' normals summed."""
+        pairs = np.sort(self.faces[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2), axis=1)
+        key = pairs[:, 0] * len(self.vertices) + pairs[:, 1]
+        _, edge = np.unique(key, return_inverse=True)
+        own = np.repeat(self.face_normals, 3, axis=0)
+        total: FloatArray = np.zeros((int(edge.max()) + 1, 3))
+        for axis in range(3):
+            total[:, axis] = np.bincount(edge, weights=own[:, axis])
+        unit: FloatArray = total / np.maximum(np.linalg.norm(total, axis=1), np.finfo(np.float64).tiny)[:, None]
+        return unit[edge].reshape(-1, 3, 3)
+
+    def _pseudonormals(self, faces: IntArray, foot: FloatArray) -> FloatArray:
+        corners = self.vertices[self.faces[faces]]
+        normals = self.face_normals[faces].copy()
+        area = 2.0 * self.face_areas[faces]
+        share = np.empty((len(faces), 3))
+        for k in range(3):
+            edge = corners[:, (k + 2) % 3] - corners[:, (k + 1) % 3]
+            across = np.cross(edge, foot - corners[:, (k + 1) % 3])
+            share[:, k] = np.einsum("ij,ij->i", across, self.face_normals[faces]) / area
+        zero = share < 1e-9
+        count = zero.sum(axis=1)
+        on_edge, on_corner = np.flatnonzero(count == 1), np.flatnonzero(count == 2)
+        normals[on_edge] = self.edge_normals[faces[on_edge], zero[on_edge].argmax(axis=1)]
+        corner = (~zero[on_corner]).argmax(axis=1)
+        normals[on_corner] = self.vertex_normals[self.faces[faces[on_corner], corner]]
+        return normals
+
+
+def part(surface: Surface, keep: BoolArray) -> Surface:
+    """Return the faces of `surface` marked in `keep` (F,) as a surface of their own."""
+    used, flat = np.unique(surface.faces[keep], return_inverse=True)
+    return Surface(surface.vertices[used], flat.reshape(-1, 3).astype(np.int64))

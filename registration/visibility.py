@@ -1,0 +1,61 @@
+"""What a scanner can see of a model: a beam ends on the side of a bone that faces the scanner, never behind it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from registration._types import BoolArray, FloatArray
+from registration.surface import Surface, part
+
+GRAZING_COSINE = 0.02
+"""Faces seen flatter than this return no echo."""
+
+
+def directions_in_cone(axis: FloatArray, half_angle_deg: float, rings: int = 2, spokes: int = 8) -> FloatArray:
+    """Unit vectors (K, 3) that fill a cone about the unit vector `axis`: its axis, then `rings` rings of `spokes`."""
+    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    u = np.cross(axis, helper)
+    u /= np.linalg.norm(u)
+    v = np.cross(axis, u)
+    out = [axis]
+    for ring in range(1, rings + 1):
+        tilt = np.radians(half_angle_deg) * ring / rings
+        azimuth = 2.0 * np.pi * np.arange(spokes) / spokes
+        around = np.cos(azimuth)[:, None] * u + np.sin(azimuth)[:, None] * v
+        out.extend(np.cos(tilt) * axis + np.sin(tilt) * around)
+    return np.array(out)
+
+
+def visible_faces(surface: Surface, to_scanner: FloatArray) -> BoolArray:
+    """Faces (F,) that can be seen from at least one of the directions `to_scanner` (K, 3), scanner far away.
+
+    A face is seen when it faces the direction and the ray from its centre that way meets nothing.
+    """
+    centres = surface.vertices[surface.faces].mean(axis=1) + 1e-3 * surface.face_normals
+    seen = np.zeros(len(surface.faces), dtype=np.bool_)
+    for direction in to_scanner:
+        ask = np.flatnonzero(~seen & (surface.face_normals @ direction > GRAZING_COSINE))
+        if len(ask) == 0:
+            continue
+        blocked = surface.hit(centres[ask], np.broadcast_to(direction, (len(ask), 3)))
+        seen[ask[~blocked]] = True
+    return seen
+
+
+def visible_shell(surface: Surface, to_scanner: FloatArray, half_angle_deg: float = 25.0) -> Surface:
+    """Return the part of a surface that a scanner within `half_angle_deg` of `to_scanner` (3,) can see.
+
+    Raises
+    ------
+    registration.errors.MeshError
+        If nothing can be seen from there.
+    """
+    from registration.errors import MeshError
+
+    axis = to_scanner / np.linalg.norm(to_scanner)
+    seen = visible_faces(surface, directions_in_cone(axis, half_angle_deg))
+    if not seen.any():
+        raise MeshError(
+            "no face of the model faces the scanner: check the scanner's origin and whether the model is inside out"
+        )
+    return part(surface, seen)

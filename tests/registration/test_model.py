@@ -1,0 +1,120 @@
+"""Validation of models, exact closest points and reading of files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import registration
+from registration.mesh import signed_volume
+from registration.visibility import visible_shell
+
+CUBE = np.array([[x, y, z] for x in (0, 10) for y in (0, 10) for z in (0, 10)], dtype=float)
+CUBE_FACES = np.array(
+    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
+    + [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+)
+
+
+def test_cube_is_closed_and_turned_outward() -> None:
+    model = registration.prepare_model(CUBE, CUBE_FACES[:, ::-1])
+    assert model.closed
+    assert signed_volume(model.vertices, model.faces) == pytest.approx(1000.0)
+    assert registration.prepare_model(CUBE, CUBE_FACES).report.turned_inside_out != model.report.turned_inside_out
+
+
+def test_triangle_soup_is_merged_and_doubled_faces_are_dropped() -> None:
+    soup = CUBE[CUBE_FACES].reshape(-1, 3)
+    faces = np.arange(36).reshape(-1, 3)
+    model = registration.prepare_model(soup, np.concatenate([faces, faces[:1], [[0, 0, 1]]]))
+    assert len(model.vertices) == 8
+    assert len(model.faces) == 12
+    assert model.closed
+    assert any("merged" in finding for finding in model.report.findings)
+
+
+def test_closest_points_have_sign_and_gradient_on_faces_edges_and_corners() -> None:
+    model = registration.prepare_model(CUBE, CUBE_FACES)
+    found = model.closest(np.array([[5.0, 5, 12], [5, 5, 9], [12, 12, 5], [13, 13, 13], [5, 5, 10]]))
+    np.testing.assert_allclose(found.signed_mm, [2, -1, np.sqrt(8), np.sqrt(27), 0], atol=1e-12)
+    np.testing.assert_allclose(found.normals[0], [0, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(found.normals[1], [0, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(found.normals[2], np.array([1, 1, 0]) / np.sqrt(2), atol=1e-12)
+    np.testing.assert_allclose(found.normals[3], np.ones(3) / np.sqrt(3), atol=1e-12)
+
+
+def test_the_shell_holds_only_what_the_scanner_can_see() -> None:
+    model = registration.prepare_model(CUBE, CUBE_FACES)
+    shell = visible_shell(model.surface, np.array([0.0, 0.0, 1.0]), 5.0)
+    assert set(np.round(shell.vertices[:, 2])) >= {10.0}
+    assert (shell.face_normals[:, 2] > -0.1).all()
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "message"),
+    [
+        (np.zeros((0, 3)), np.zeros((0, 3), int), "empty"),
+        (CUBE, np.zeros((0, 3), int), "empty"),
+        (np.where(CUBE == 0, np.nan, CUBE), CUBE_FACES, "NaN or infinite"),
+        (np.where(CUBE == 0, np.inf, CUBE), CUBE_FACES, "NaN or infinite"),
+        (CUBE / 1000.0, CUBE_FACES, "metres"),
+        (CUBE, CUBE_FACES + 1, "damaged"),
+        (CUBE, CUBE_FACES.astype(float), "whole numbers"),
+        (CUBE, np.array([[0, 1, 1]]), "no face with an area"),
+        (CUBE[:, :2], CUBE_FACES, "triangle mesh has"),
+    ],
+)
+def test_bad_meshes_are_refused(vertices: np.ndarray, faces: np.ndarray, message: str) -> None:
+    with pytest.raises(registration.MeshError, match=message):
+        registration.prepare_model(vertices, faces)
+
+
+@pytest.mark.parametrize("suffix", [".stl", ".ply", ".obj", ".glb"])
+def test_files_are_read(tmp_path: Path, suffix: str) -> None:
+    import trimesh
+
+    path = tmp_path / f"cube{suffix}"
+    trimesh.Trimesh(CUBE, CUBE_FACES, process=False).export(path)
+    model = registration.load_model(path)
+    assert model.closed
+    assert signed_volume(model.vertices, model.faces) == pytest.approx(1000.0, rel=1e-6)
+
+
+def vtp_ascii() -> str:
+    points = " ".join(str(v) for v in CUBE.ravel())
+    faces = " ".join(str(v) for v in CUBE_FACES.ravel())
+    offsets = " ".join(str(3 * (k + 1)) for k in range(len(CUBE_FACES)))
+    return (
+        '<?xml version="1.0"?><VTKFile type="PolyData" version="0.1" byte_order="LittleEndian"><PolyData>'
+        f'<Piece NumberOfPoints="8" NumberOfPolys="12"><Points><DataArray type="Float32" NumberOfComponents="3" '
+        f'format="ascii">{points}</DataArray></Points><Polys><DataArray type="Int64" Name="connectivity" '
+        f'format="ascii">{faces}</DataArray><DataArray type="Int64" Name="offsets" format="ascii">{offsets}'
+        "</DataArray></Polys></Piece></PolyData></VTKFile>"
+    )
+
+
+def test_vtp_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "cube.vtp"
+    path.write_text(vtp_ascii())
+    assert registration.load_model(path).closed
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("model.txt", b"x", "one of .stl"),
+        ("gone.stl", None, "no such file"),
+        ("broken.stl", b"solid nothing", "broken.stl"),
+        ("broken.vtp", b"<VTKFile><PolyData>", "cannot be read"),
+        ("empty.vtp", b"<VTKFile><PolyData/></VTKFile>", "no PolyData piece"),
+        ("broken.ply", b"ply\nformat nonsense", "broken.ply"),
+    ],
+)
+def test_unreadable_files_are_refused_by_name(tmp_path: Path, name: str, content: bytes | None, message: str) -> None:
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(registration.MeshError, match=message):
+        registration.load_model(path)
