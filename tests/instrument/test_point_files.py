@@ -1,0 +1,174 @@
+"""Point files: what any program writes is read, what cannot be used is refused with file, line and remedy."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from instrument.point_files import PointFileError, read_points
+
+POINTS = [[1.5, -2.0, 900.25], [3.0, 4.0, 901.0]]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x_mm,y_mm,z_mm\n1.5,-2.0,900.25\n3,4,901\n",
+        "1.5 -2.0 900.25\n3 4 901",
+        "# made by hand\n\n1.5;-2.0;900.25\r\n3;4;901\r\n",
+        "\ufeffX, Y, Z\n1.5, -2.0, 900.25  # first\n3, 4, 901\n",
+        "//X Y Z R\n1.5\t-2\t900.25\t7\n3\t4\t901\t8\n",
+        '"z","x","y"\n900.25,1.5,-2\n901,3,4\n',
+    ],
+)
+@pytest.mark.parametrize("suffix", [".csv", ".xyz"])
+def test_text_of_many_habits(tmp_path: Path, text: str, suffix: str) -> None:
+    path = tmp_path / f"points{suffix}"
+    path.write_bytes(text.encode())
+    assert read_points(path).points.tolist() == POINTS
+
+
+def test_columns_by_name(tmp_path: Path) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text("row,column,response_mv,x,y,z\n0,1,40,1,2,3\n1,1,41,4,5,6\n")
+    found = read_points(path)
+    assert found.grid is not None
+    assert found.grid.tolist() == [[0, 1], [1, 1]]
+    assert found.response_mv is not None
+    assert found.response_mv.tolist() == [40, 41]
+    assert found.origin is None
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "word"),
+    [
+        ("x,y,z\n1,2,3\n1,2,nan\n", 3, "finite"),
+        ("1,2,3\n\n1,inf,3\n", 3, "finite"),
+        ("1,2,3\n1,2\n", 2, "2 numbers, where 3"),
+        ("1,2,3\n1,two,3\n", 2, "not all numbers"),
+        ("1,2\n3,4\n", 1, "2 columns"),
+        ("1,5;2,5;3,5\n", 1, "decimals"),
+        ("a,b,c\n1,2,3\n", None, "none of them x"),
+        ("x,y,z\n", None, "holds no points"),
+        ("\n\n# nothing\n", None, "holds no points"),
+    ],
+)
+def test_text_that_is_refused(tmp_path: Path, text: str, line: int | None, word: str) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text(text)
+    with pytest.raises(PointFileError, match=word) as refused:
+        read_points(path)
+    assert refused.value.line == line
+    assert str(path) in str(refused.value)
+
+
+def ply(body: bytes, form: str = "ascii", count: int = 2, kind: str = "float") -> bytes:
+    head = f"ply\nformat {form} 1.0\ncomment x\nelement vertex {count}\n"
+    head += "".join(f"property {kind} {axis}\n" for axis in "xyz")
+    return (head + "element face 0\nproperty list uchar int vertex_indices\nend_header\n").encode() + body
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        ply(b"1.5 -2 900.25\n3 4 901\n"),
+        ply(np.array(POINTS, "<f4").tobytes(), "binary_little_endian"),
+        ply(np.array(POINTS, ">f8").tobytes(), "binary_big_endian", kind="double"),
+    ],
+)
+def test_ply_of_every_form(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "points.ply"
+    path.write_bytes(content)
+    assert read_points(path).points.tolist() == POINTS
+
+
+@pytest.mark.parametrize(
+    ("content", "word"),
+    [
+        (b"", "is empty"),
+        (b"solid mesh", "begin with 'ply'"),
+        (b"ply\nformat ascii 1.0\n", "no end_header"),
+        (ply(b"1 2 3\n"), "cut off"),
+        (ply(b"1 2 3\n1 2\n"), "is no point"),
+        (ply(np.zeros(5, "<f4").tobytes(), "binary_little_endian"), "cut off: 4 bytes"),
+        (ply(np.full(6, np.nan, "<f4").tobytes(), "binary_little_endian"), "finite"),
+        (ply(b"", count=0), "holds no points"),
+        (ply(b"", form="packed"), "format 'packed'"),
+        (ply(b"1 2 3\n" * 2).replace(b"vertex", b"corner"), "'vertex'"),
+        (ply(b"1 2 3\n" * 2).replace(b"float x", b"list uchar int x"), "not a plain number"),
+        (ply(b"1 2 3\n" * 2).replace(b"float y", b"float x"), "one twice"),
+    ],
+)
+def test_ply_that_is_refused(tmp_path: Path, content: bytes, word: str) -> None:
+    path = tmp_path / "points.ply"
+    path.write_bytes(content)
+    with pytest.raises(PointFileError, match=word):
+        read_points(path)
+
+
+def archive(**arrays: object) -> bytes:
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)  # type: ignore[arg-type]
+    return buffer.getvalue()
+
+
+def test_archive(tmp_path: Path) -> None:
+    path = tmp_path / "points.npz"
+    path.write_bytes(archive(points=np.array(POINTS), covariance_mm2=np.ones((2, 3, 3)), origin_mm=np.zeros(3)))
+    found = read_points(path)
+    assert found.points.tolist() == POINTS
+    assert found.covariance is not None
+    assert found.origin is not None
+    assert found.grid is None
+
+
+@pytest.mark.parametrize(
+    ("content", "word"),
+    [
+        (b"PK nothing", "no archive"),
+        (b"\x93NUMPY...", "no archive"),
+        (archive(data=np.zeros(3)), "has the arrays data"),
+        (archive(points=np.zeros((3, 2))), r"float64 \(3, 2\)"),
+        (archive(points=np.array([["a", "b", "c"]])), "its points are"),
+        (archive(points=np.zeros((2, 3)), covariance_mm2=np.zeros((3, 3, 3))), "covariance_mm2"),
+        (archive(points=np.zeros((2, 3)), row=np.zeros(2), column=np.zeros(3)), "column"),
+        (archive(points=np.zeros((2, 3)), origin_mm=np.array(["a", "b", "c"])), "origin_mm"),
+        (archive(points=np.full((1, 3), np.inf)), "finite"),
+        (archive(points=np.array([[None, 1, 2]], dtype=object)), "no archive of plain arrays"),
+    ],
+)
+def test_archive_that_is_refused(tmp_path: Path, content: bytes, word: str) -> None:
+    path = tmp_path / "points.npz"
+    path.write_bytes(content)
+    with pytest.raises(PointFileError, match=word):
+        read_points(path)
+
+
+def test_unknown_ending_and_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(PointFileError, match="no such file"):
+        read_points(tmp_path / "points.csv")
+    other = tmp_path / "points.docx"
+    other.write_text("1 2 3")
+    with pytest.raises(PointFileError, match=r"use one of \.ply \.csv"):
+        read_points(other)
+
+
+@settings(max_examples=150, deadline=None)
+@given(content=st.binary(max_size=300), suffix=st.sampled_from([".ply", ".csv", ".xyz", ".npz"]), head=st.booleans())
+def test_garbage_is_refused_and_never_a_stack_trace(
+    tmp_path_factory: pytest.TempPathFactory, content: bytes, suffix: str, head: bool
+) -> None:
+    path = tmp_path_factory.getbasetemp() / f"garbage{suffix}"
+    path.write_bytes(
+        (b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n" if head else b"") + content
+    )
+    try:
+        found = read_points(path)
+    except PointFileError:
+        return
+    assert np.isfinite(found.points).all()
