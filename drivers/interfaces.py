@@ -245,6 +245,14 @@ class SamplerStatus:
 class Sampler(Device, Protocol):
     """Takes records, and owns the gate in the laser's trigger line."""
 
+    @property
+    def zero_code(self) -> float:
+        """Get the A/D code of 0 V."""
+
+    @property
+    def mv_per_code(self) -> float:
+        """Get the size of an A/D code at the photodiode bridge, mV."""
+
     def configure(self, sweep: SweepSettings) -> None:
         """Set how records are taken, and read it back."""
 
