@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from instrument.errors import BadInput
 
-class ExportError(ValueError):
+
+class ExportError(BadInput):
     """A file cannot be written as asked: which, why, what to do."""

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from instrument.errors import BadInput
 
-class PointFileError(ValueError):
+
+class PointFileError(BadInput):
     """A point file cannot be used.
 
     Parameters

@@ -5,6 +5,8 @@ from __future__ import annotations
 import sqlite3
 from pathlib import Path
 
+from instrument.errors import PicoradarError
+
 _WORDS = {
     sqlite3.SQLITE_FULL: "the disk is full",
     sqlite3.SQLITE_READONLY: "the file or its folder is read-only",
@@ -29,7 +31,7 @@ _REMEDY = {
 }
 
 
-class RecordingError(Exception):
+class RecordingError(PicoradarError):
     """A recording cannot be written or read.
 
     Parameters
@@ -45,6 +47,8 @@ class RecordingError(Exception):
     kept : int, optional
         Number of lines that are safe on the disk.
     """
+
+    exit_status = 2
 
     def __init__(
         self, file: Path, what: str, remedy: str = "", *, line: int | None = None, kept: int | None = None

@@ -85,5 +85,5 @@ def complete_header(header: Mapping[str, Any]) -> dict[str, Any]:
         if not isinstance(count, int) or isinstance(count, bool) or count < 1:
             raise ValueError(f"raster.{name} of the header is {count!r}, not a whole number from 1 up")
     full: dict[str, Any] = plain({"versions": versions(), "calibration": None, **header})
-    full["calibration_digest"] = digest(full["calibration"])
+    full.setdefault("calibration_digest", digest(full["calibration"]))
     return full

@@ -1,0 +1,131 @@
+"""What a report says: verdict, key figures and facts in words, from the results."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from instrument.recording import Cloud, Recording
+from instrument.report.page import Banner
+from instrument.report.style import LIMITS_MM
+from instrument.scan_line import Flag
+
+if TYPE_CHECKING:
+    from registration import Registration, Target
+
+_VERDICTS = {
+    "pass": ("✔", "PASSED", "The pose of the bone is found, and the data hold it in all directions."),
+    "caution": ("▲", "CAUTION", "A pose is found, but it must not be used without a second look."),
+    "fail": ("✖", "FAILED", "The pose must not be used."),
+}
+
+
+def banners(recording: Recording, registration: Registration | None) -> list[Banner]:
+    """Return what one sees first: the verdict, and a warning if the laser was not verified off."""
+    found = []
+    if recording.laser_off_verified is False:
+        what = "The read-back after the scan did not show the laser off. Check the bench before anybody comes near it."
+        found.append(Banner("fail", "✖", "LASER OFF NOT VERIFIED", [what]))
+    if registration is None:
+        word = "SCAN COMPLETE" if recording.complete else "SCAN NOT COMPLETE"
+        kind, symbol = ("plain", "✔") if recording.complete else ("caution", "▲")
+        found.append(Banner(kind, symbol, word, [f"Ended: {recording.stop_reason or 'never closed'}. Not registered."]))
+        return found
+    symbol, word, sentence = _VERDICTS[registration.verdict]
+    found.append(Banner(registration.verdict, symbol, word, [sentence, *registration.reasons]))
+    return found
+
+
+def figures(
+    cloud: Cloud, registration: Registration | None, truth_error: Mapping[str, float] | None
+) -> list[tuple[str, str]]:
+    """Return the few numbers that count, as (value with unit, name)."""
+    points = int(cloud.has_range.sum())
+    found = []
+    if registration is not None:
+        worst = worst_target(registration)
+        if worst is not None:
+            found.append((number(worst.p95_mm, "mm"), f"predicted error at {worst.name}, not exceeded in 95 %"))
+        found.append((number(registration.predicted_rotation_deg, "°"), "predicted rotation error, root mean square"))
+    if truth_error is not None:
+        found.append((number(truth_error["tre_mm"], "mm"), "true error at the target (simulated bench)"))
+    if registration is not None:
+        near = float(np.mean(np.abs(registration.residuals) <= LIMITS_MM[0]))
+        found.append((f"{100 * near:.1f} %", "of the points within 1 mm of the model"))
+    else:
+        found.append((f"{100 * points / max(len(cloud), 1):.1f} %", "of the places gave a range"))
+    found.append((str(points), f"points of {len(cloud)} places"))
+    return found
+
+
+def facts(
+    recording: Recording,
+    cloud: Cloud,
+    registration: Registration | None,
+    truth_error: Mapping[str, float] | None,
+    summary: Mapping[str, Any],
+) -> list[tuple[str, str]]:
+    """Return the table of key figures, as (name, value)."""
+    found: list[tuple[str, str]] = []
+    if registration is not None:
+        found += [
+            ("residuals: root mean square, mean, largest", _triple(registration)),
+            ("points taken for bone", f"{int(registration.inliers.sum())} of {len(registration.inliers)}"),
+            ("weakest motions", "; ".join(registration.weak_directions) or "none"),
+        ]
+        found += [
+            (
+                f"predicted error at {target.name}",
+                f"{number(target.rms_mm, 'mm')} rms, {number(target.p95_mm, 'mm')} in 95 %, "
+                f"{number(target.bias_mm, 'mm')} more if all ranges are biased alike",
+            )
+            for target in registration.targets
+        ]
+    if truth_error is not None:
+        names = (("rotation_deg", "°"), ("translation_mm", "mm"), ("tre_mm", "mm"))
+        values = (number(truth_error[name], unit) for name, unit in names)
+        found.append(("true error (simulated bench): rotation, translation, at the target", ", ".join(values)))
+    raster = recording.raster
+    grid = f"{raster['rows']} x {raster['columns']} places"
+    step, averages = raster.get("step_mm"), raster.get("averages")
+    found.append(
+        ("raster", grid + (f", {step:g} mm apart" if step else "") + (f", {averages} averages" if averages else ""))
+    )
+    scan = summary.get("scan", {})
+    if isinstance(scan, Mapping) and scan.get("device_time_s") is not None:
+        shots = scan.get("shot_limited_s")
+        limit = f" ({shots:.1f} s of it for the laser's shots)" if shots is not None else ""
+        found.append(("time of the scan on the device", f"{scan['device_time_s']:.1f} s{limit}"))
+    found.append(("marks against points", flag_counts(cloud)))
+    off = {True: "yes, read back", False: "NO", None: "the scan was never closed"}[recording.laser_off_verified]
+    found.append(("laser off at the end", off))
+    found.append(("scan ended", recording.stop_reason or "never closed"))
+    return found
+
+
+def flag_counts(cloud: Cloud) -> str:
+    """Return how many points carry which flag, in words."""
+    counts = Counter({flag.words: int(np.count_nonzero(cloud.flags & np.uint16(flag))) for flag in Flag})
+    return ", ".join(f"{words}: {count}" for words, count in counts.items() if count) or "none"
+
+
+def worst_target(registration: Registration) -> Target | None:
+    """Return the target with the largest predicted error."""
+    return max(registration.targets, key=lambda target: target.p95_mm, default=None)
+
+
+def number(value: float, unit: str) -> str:
+    """Return a number with three significant digits and its unit; what could not be had is a dash."""
+    if not math.isfinite(value):
+        return "not held"
+    digits = max(0, min(4, 2 - math.floor(math.log10(abs(value))))) if value else 2
+    return f"{value:.{digits}f}{'' if unit == '°' else ' '}{unit}"
+
+
+def _triple(registration: Registration) -> str:
+    values = (registration.rms_mm, registration.mean_mm, registration.max_mm)
+    return ", ".join(number(value, "mm") for value in values)

@@ -1,0 +1,75 @@
+"""Picture of one trace with its two time-significant points."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from instrument.report.style import ACCENT, INK, SECOND, new_figure, tidy
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FloatArray = NDArray[np.float64]
+
+
+def draw_waveform(times_ps: FloatArray, trace_mv: FloatArray, caption: str) -> Figure:
+    """Draw a trace (S,) in mV over its times (S,) in ps."""
+    figure = new_figure(9.0, 3.6)
+    axes = figure.subplots()
+    tidy(axes, caption, "time after the laser trigger, ns", "at the photodiode, mV")
+    axes.plot(times_ps / 1000, trace_mv, color="#52606d", linewidth=1.0)
+    points = time_significant_points(times_ps, trace_mv)
+    top = float(trace_mv.max())
+    for name, colour, (time_ps, level_mv) in zip(("reference", "echo"), (SECOND, ACCENT), points, strict=False):
+        axes.axvline(time_ps / 1000, color=colour, linewidth=0.8, linestyle=":")
+        axes.plot(time_ps / 1000, level_mv, "o", color=colour, markersize=7, zorder=3)
+        axes.annotate(
+            f"{name}\n50 % at {time_ps / 1000:.3f} ns",
+            (time_ps / 1000, level_mv),
+            textcoords="offset points",
+            xytext=(-9, 14),
+            ha="right",
+            color=colour,
+        )
+    if len(points) == 2:
+        (start_ps, _), (end_ps, _) = points
+        height = 1.1 * top
+        arrow = {"arrowstyle": "<->", "color": INK, "shrinkA": 0, "shrinkB": 0}
+        axes.annotate("", (start_ps / 1000, height), (end_ps / 1000, height), arrowprops=arrow)
+        middle = (start_ps + end_ps) / 2000
+        axes.text(middle, 1.13 * top, f"Ti = {(end_ps - start_ps) / 1000:.3f} ns", ha="center", color=INK)
+        axes.set_ylim(top=1.28 * top)
+    axes.set_xlim(times_ps[0] / 1000, times_ps[-1] / 1000)
+    return figure
+
+
+def time_significant_points(times_ps: FloatArray, trace_mv: FloatArray) -> list[tuple[float, float]]:
+    """Return (time in ps, level in mV) where the leading edges of the two highest pulses cross half of their own peak.
+
+    For the picture alone (`instrument.ranging` measures): peaks by height at least 1 ns apart, linear interpolation.
+    An empty list, or one entry, means that no pulse or only one stands out of the noise.
+    """
+    step_ps = float(times_ps[1] - times_ps[0])
+    width = max(1, round(60.0 / step_ps))
+    smooth = np.convolve(trace_mv, np.full(width, 1 / width), mode="same")
+    baseline = float(np.median(smooth))
+    noise = float(np.median(np.abs(trace_mv - np.median(trace_mv)))) * 1.5
+    left = smooth.copy()
+    found = []
+    for _ in range(2):
+        peak = int(np.argmax(left))
+        height = left[peak] - baseline
+        if not height > max(6 * noise / np.sqrt(width), 2.0):
+            break
+        below = np.flatnonzero(smooth[:peak] < baseline + height / 2)
+        if below.size:
+            k = int(below[-1])
+            level = baseline + height / 2
+            part = (level - smooth[k]) / (smooth[k + 1] - smooth[k])
+            found.append((float(times_ps[k] + part * step_ps), float(level)))
+        around = round(1000.0 / step_ps)
+        left[max(0, peak - around) : peak + around] = -np.inf
+    return sorted(found)

@@ -1,0 +1,155 @@
+"""`write_report`: a folder that a person opens and sees at a glance whether the scan can be used."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from instrument.export import export
+from instrument.recording import Cloud, Recording, plain
+from instrument.report import content
+from instrument.report.cloud_view import draw_cloud
+from instrument.report.overlay import draw_overlay
+from instrument.report.page import Page, Picture
+from instrument.report.residuals import draw_convergence, draw_histogram
+from instrument.report.style import save
+from instrument.report.waveform import draw_waveform
+
+if TYPE_CHECKING:
+    from registration import Registration
+
+FloatArray = NDArray[np.float64]
+
+
+def write_report(
+    folder: str | os.PathLike[str],
+    *,
+    recording: Recording,
+    registration: Registration | None = None,
+    model_vertices: FloatArray | None = None,
+    model_faces: NDArray[np.int64] | None = None,
+    truth_error: Mapping[str, float] | None = None,
+    summary: Mapping[str, Any],
+) -> Path:
+    """Write ``report.html`` (self-contained), its pictures, ``cloud.ply`` and ``result.json`` into a folder.
+
+    Parameters
+    ----------
+    folder : path
+        Made if it is not there; older files of a report in it are replaced.
+    recording : Recording
+    registration : Registration, optional
+        Of exactly the points with a range, in the order of the recording.
+    model_vertices, model_faces : (V, 3) float array in mm, (F, 3) int array, optional
+        The model; without it there is no overlay.
+    truth_error : mapping, optional
+        ``rotation_deg``, ``translation_mm``, ``tre_mm``: on a simulated bench.
+    summary : mapping
+        The whole result, as the command prints it with ``--json``.
+
+    Returns
+    -------
+    Path
+        Of ``report.html``.
+
+    Raises
+    ------
+    ValueError
+        If the registration is not of this recording's points.
+    RecordingError
+        If a line of the recording is damaged.
+    ExportError, OSError
+        If the folder cannot be written to.
+    """
+    target = Path(folder)
+    target.mkdir(parents=True, exist_ok=True)
+    cloud = recording.cloud()
+    points = cloud.with_range()
+    if registration is not None and len(registration.residuals) != len(points):
+        raise ValueError(f"the registration has {len(registration.residuals)} points, the recording {len(points)}")
+    export(recording, target / "cloud.ply")
+    result = json.dumps(plain(summary), indent=2, sort_keys=True, allow_nan=False, ensure_ascii=False)
+    (target / "result.json").write_text(result + "\n", encoding="utf-8")
+    pictures = []
+    if registration is not None and len(points):
+        if model_vertices is not None and model_faces is not None:
+            pictures.append(_overlay(target, points, registration, model_vertices, model_faces))
+        pictures.append(_histogram(target, registration))
+    if len(points):
+        pictures.append(_cloud(target, cloud))
+        pictures += _waveform(target, recording, cloud)
+    if registration is not None and registration.history:
+        pictures.append(_convergence(target, registration))
+    page = Page(
+        title=f"Laser radar scan {recording.path.stem}",
+        banners=content.banners(recording, registration),
+        figures=content.figures(cloud, registration, truth_error),
+        pictures=pictures,
+        facts=content.facts(recording, cloud, registration, truth_error, summary),
+        details=[
+            ("Result (as in result.json)", result),
+            ("Settings, calibration and versions", json.dumps(recording.header, indent=2, sort_keys=True)),
+        ],
+        footer=f"picoradar {recording.header['versions']['picoradar']}: research software, not a certified device.",
+    )
+    file = target / "report.html"
+    file.write_text(page.html(), encoding="utf-8")
+    return file
+
+
+def _overlay(
+    target: Path, points: Cloud, registration: Registration, vertices: FloatArray, faces: NDArray[np.int64]
+) -> Picture:
+    figure = draw_overlay(points.points_mm, registration.residuals, vertices, faces, registration.model_from_scanner)
+    caption = (
+        "Each measured point on the model of the bone, coloured and shaped by its distance from the surface: "
+        "blue squares under 1 mm, green pentagons 1 to 3 mm, red triangles over 3 mm. "
+        "Red in one patch means that something other than bone was measured there; red on one side, a wrong pose."
+    )
+    return Picture(save(figure, target / "overlay.png"), "Scan on the model", caption)
+
+
+def _histogram(target: Path, registration: Registration) -> Picture:
+    caption = (
+        "How far the points lie from the model. A narrow heap about zero is a good fit; a heap beside zero is a common "
+        "range error; long tails are points that do not belong to the bone."
+    )
+    return Picture(save(draw_histogram(registration.residuals), target / "residuals.png"), "Residuals", caption)
+
+
+def _convergence(target: Path, registration: Registration) -> Picture:
+    caption = "How the residuals shrank from iteration to iteration, and where they came to rest."
+    return Picture(save(draw_convergence(registration.history), target / "convergence.png"), "Convergence", caption)
+
+
+def _cloud(target: Path, cloud: Cloud) -> Picture:
+    caption = (
+        "The measured points as the scanner sees them. Left: the shape, as range. Right: how bright each echo was: "
+        "below 25 mV the range is less certain."
+    )
+    return Picture(save(draw_cloud(cloud), target / "cloud.png"), "Point cloud", caption)
+
+
+def _waveform(target: Path, recording: Recording, cloud: Cloud) -> list[Picture]:
+    """Draw the trace of the point with a range that is nearest to the middle of the cloud, if traces were kept."""
+    middle = np.median(cloud.grid[cloud.has_range], axis=0)
+    distance = np.where(cloud.has_range, np.abs(cloud.grid - middle).sum(axis=1), np.inf)
+    row, column = map(int, cloud.grid[int(np.argmin(distance))])
+    line = recording.line(row)
+    if line.sums is None:
+        return []
+    trace = recording.traces_mv(line)[int(np.flatnonzero(line.columns == column)[0])]
+    title = f"one record: line {row}, column {column}, mean of {line.sweeps} sweeps"
+    caption = (
+        "The two pulses of one record: the reference straight from the laser, and the echo from the target. "
+        "The marked points, at half of each pulse's own peak, are the time-significant points; their distance gives "
+        "the range."
+    )
+    figure = draw_waveform(recording.times_ps, trace, title)
+    return [Picture(save(figure, target / "waveform.png"), "Waveform", caption)]
