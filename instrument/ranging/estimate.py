@@ -1,0 +1,228 @@
+"""`estimate`: the front door of ranging."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from instrument.calibration import Calibration, Method, ShotNoise
+from instrument.errors import BadInput
+from instrument.ranging.half_maximum import Edges, half_maximum
+from instrument.ranging.pulses import CoarseTraces, Pulses, coarse_traces, next_pulse
+from instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, Ranges
+from instrument.ranging.settings import RangingSettings
+from instrument.scan_line import NO_RANGE, Flag
+
+FloatArray = NDArray[np.float64]
+FlagArray = NDArray[np.uint16]
+
+BLOCK = 128  # records handled together: their traces stay in the cache
+LEAST_SAMPLES = 64
+
+
+def estimate(
+    traces: FloatArray | Sequence[ArrayLike],
+    times_ps: ArrayLike,
+    *,
+    method: Method = "half-maximum",
+    calibration: Calibration | None = None,
+    sweeps: ArrayLike = 1,
+    clipped: ArrayLike | None = None,
+    settings: RangingSettings | None = None,
+) -> Ranges:
+    """Range records that hold reference and echo in one trace.
+
+    A record that cannot be ranged gets flags and NaN; no content of a trace raises. The range is
+    ``c / 2 x Ti + range_zero - walk(response)`` with Ti the interval between the two time-significant points and c the
+    speed of light in air (`SPEED_OF_LIGHT_MM_PER_PS`).
+
+    Parameters
+    ----------
+    traces : (R, S) float array, or a sequence of R traces
+        Mean traces in mV. A trace of another length than ``times_ps``, or with NaN, is flagged as without reference.
+    times_ps : (S,) array
+        Sampling instants, evenly spaced.
+    method : {"half-maximum"}
+        The estimator.
+    calibration : Calibration, optional
+        Gives the range zero, the walk correction of this estimator, the noise on the pulses and the place of the
+        reference. Without it the range counts from Ti = 0 and every echo is flagged as `Flag.WALK_EXTRAPOLATED`,
+        because no walk correction covers it.
+    sweeps : int or (R,) array
+        Sweeps averaged in each trace.
+    clipped : (R,) bool array, optional
+        Records in which the device has seen samples at an end of its A/D.
+    settings : RangingSettings, optional
+        Limits of the search.
+
+    Returns
+    -------
+    Ranges
+
+    Raises
+    ------
+    BadInput
+        When ``times_ps`` is no evenly spaced axis, or ``method``, ``sweeps`` or ``clipped`` do not fit.
+    """
+    times = _check_times(times_ps)
+    if method != "half-maximum":
+        raise BadInput(f"method {method!r} is not known; use 'half-maximum'")
+    limits = settings or RangingSettings()
+    values, usable = _stack(traces, times.size)
+    records = len(values)
+    try:
+        counts = np.broadcast_to(np.asarray(sweeps, dtype=np.float64), (records,))
+        seen_clipped = np.broadcast_to(np.asarray(False if clipped is None else clipped, dtype=np.bool_), (records,))
+    except ValueError as error:
+        raise BadInput(f"sweeps and clipped must be one value or {records} values, one a record: {error}") from error
+    if records and not np.all(counts >= 1):
+        raise BadInput(f"sweeps must be at least 1, not {np.min(counts):g}")
+    if not records or times.size < LEAST_SAMPLES:
+        return _nothing(records)
+    parts = [
+        _block(values[part], times, usable[part], counts[part], seen_clipped[part], method, calibration, limits)
+        for part in (slice(first, first + BLOCK) for first in range(0, records, BLOCK))
+    ]
+    return parts[0] if len(parts) == 1 else _join(parts)
+
+
+def _block(
+    traces: FloatArray,
+    times: FloatArray,
+    usable: NDArray[np.bool_],
+    sweeps: FloatArray,
+    seen_clipped: NDArray[np.bool_],
+    method: Method,
+    calibration: Calibration | None,
+    limits: RangingSettings,
+) -> Ranges:
+    coarse = coarse_traces(traces, float(times[1] - times[0]), limits)
+    reference = next_pulse(coarse, limits)
+    echo = next_pulse(coarse, limits, reference)
+    further = next_pulse(coarse, limits, echo)
+    noise = calibration.noise if calibration else ShotNoise()
+    start = half_maximum(traces, times, coarse, reference, noise, sweeps)
+    stop = half_maximum(traces, times, coarse, echo, noise, sweeps)
+
+    flags = _flag_pulses(coarse, reference, echo, further, start, stop, limits)
+    if calibration and calibration.reference_ps:
+        earliest, latest = calibration.reference_ps
+        _set(flags, Flag.NO_REFERENCE, ~((start.time_ps >= earliest) & (start.time_ps <= latest)))
+    _set(flags, Flag.NO_REFERENCE, ~usable)
+    lowest, highest = limits.clip_mv
+    ends = (traces.min(axis=1) < lowest) | (traces.max(axis=1) > highest)
+    _set(flags, Flag.CLIPPED, usable & (seen_clipped | ends))
+    return _ranges(start, stop, coarse, flags, method, calibration, limits)
+
+
+def _flag_pulses(
+    coarse: CoarseTraces,
+    reference: Pulses,
+    echo: Pulses,
+    further: Pulses,
+    start: Edges,
+    stop: Edges,
+    limits: RangingSettings,
+) -> FlagArray:
+    """Judge the pulses by their number, width and separation."""
+    flags = np.zeros(len(start.time_ps), dtype=np.uint16)
+    start_width, stop_width = reference.fwhm_ps(coarse), echo.fwhm_ps(coarse)
+    with np.errstate(invalid="ignore"):
+        no_start = ~reference.found | np.isnan(start.time_ps) | (start_width < limits.narrowest_ps)
+        no_stop = ~echo.found | np.isnan(stop.time_ps) | (stop_width < limits.narrowest_ps)
+        merged = start_width > limits.widest_ps
+        no_stop |= echo.peak >= coarse.values_mv.shape[1] - 2  # the peak may lie behind the end of the trace
+        two_surfaces = further.found | (stop_width > limits.widest_ps)
+        touching = echo.valley_mv > np.maximum(coarse.step_mv, limits.ringing_share / 2 * echo.height_mv)
+    _set(flags, Flag.NO_REFERENCE, no_start)
+    _set(flags, Flag.OVERLAPPED | Flag.NO_ECHO, ~no_start & merged)
+    _set(flags, Flag.NO_ECHO, ~no_start & no_stop)
+    _set(flags, Flag.OVERLAPPED, ~no_start & echo.found & touching)
+    _set(flags, Flag.MIXED, ~no_start & ~no_stop & ~merged & two_surfaces)
+    return flags
+
+
+def _ranges(
+    start: Edges,
+    stop: Edges,
+    coarse: CoarseTraces,
+    flags: FlagArray,
+    method: Method,
+    calibration: Calibration | None,
+    limits: RangingSettings,
+) -> Ranges:
+    """Turn the two edges into range and variance, corrected for the timing walk."""
+    scale = RANGE_PER_INTERVAL_MM_PER_PS
+    none = (flags & np.uint16(NO_RANGE)) != 0
+    no_reference = (flags & np.uint16(Flag.NO_REFERENCE)) != 0
+    response = np.where(none, np.nan, stop.height_mv)
+    common = (stop.baseline_ps_per_mv - start.baseline_ps_per_mv) ** 2 * coarse.baseline_variance_mv2
+    variance = scale**2 * (start.time_variance_ps2 + stop.time_variance_ps2 + common)
+    distance = scale * (stop.time_ps - start.time_ps)
+    bias_sd = np.zeros_like(distance)
+    walk = calibration.walk.get(method) if calibration else None
+    if calibration:
+        distance = distance + calibration.range_zero_mm
+    if walk:
+        correction = walk.at(response)
+        distance = distance - correction.error_mm
+        slope = correction.slope_mm_per_mv
+        # The noise of the response moves the correction with it: var(x - w(A)), to first order.
+        variance += slope**2 * stop.height_variance_mv2 - 2 * slope * scale * stop.covariance_ps_mv
+        bias_sd = correction.sd_mm
+    with np.errstate(invalid="ignore"):
+        _set(flags, Flag.LOW_RESPONSE, ~none & (response < limits.low_response_mv))
+    _set(flags, Flag.WALK_EXTRAPOLATED, ~none & (~correction.inside if walk else np.ones_like(none)))
+    return Ranges(
+        range_mm=np.where(none, np.nan, distance),
+        variance_mm2=np.where(none, np.nan, variance),
+        response_mv=response,
+        flags=flags,
+        bias_sd_mm=np.where(none, np.nan, bias_sd),
+        reference_ps=np.where(no_reference, np.nan, start.time_ps),
+        reference_mv=np.where(no_reference, np.nan, start.height_mv),
+    )
+
+
+def _set(flags: FlagArray, flag: Flag, where: NDArray[np.bool_]) -> None:
+    flags[where] |= np.uint16(flag)
+
+
+def _check_times(times_ps: ArrayLike) -> FloatArray:
+    times = np.asarray(times_ps, dtype=np.float64)
+    if times.ndim != 1 or times.size < 2 or not np.all(np.isfinite(times)):
+        raise BadInput(f"times_ps must be a row of finite sampling instants, not an array of shape {times.shape}")
+    steps = np.diff(times)
+    step = (times[-1] - times[0]) / (times.size - 1)
+    if step <= 0 or np.max(np.abs(steps - step)) > 1e-3 * step:
+        raise BadInput(
+            f"times_ps must be evenly spaced and increase; its steps go from {steps.min()} to {steps.max()} ps"
+        )
+    return times
+
+
+def _stack(traces: FloatArray | Sequence[ArrayLike], samples: int) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return the traces as (R, samples), zeros where a trace cannot be used, and which can."""
+    if isinstance(traces, np.ndarray) and traces.ndim != 2:
+        raise BadInput(f"traces must be one row a record, not an array of shape {traces.shape}")
+    if isinstance(traces, np.ndarray) and traces.shape[1] == samples:
+        values = np.asarray(traces, dtype=np.float64)
+    else:
+        rows = [np.asarray(trace, dtype=np.float64) for trace in traces]
+        values = np.full((len(rows), samples), np.nan)
+        for value, row in zip(values, rows, strict=True):
+            if row.shape == (samples,):
+                value[:] = row
+    usable = np.asarray(np.isfinite(values).all(axis=1), dtype=np.bool_)
+    return (values if usable.all() else np.where(usable[:, None], values, 0.0)), usable
+
+
+def _nothing(records: int) -> Ranges:
+    blank = np.full(records, np.nan)
+    return Ranges(blank, blank, blank, np.full(records, Flag.NO_REFERENCE, dtype=np.uint16), blank, blank, blank)
+
+
+def _join(parts: list[Ranges]) -> Ranges:
+    return Ranges(*(np.concatenate([getattr(p, name) for p in parts]) for name in Ranges.__dataclass_fields__))

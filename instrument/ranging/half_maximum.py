@@ -1,0 +1,139 @@
+"""The dissertation's time-significant point (S 2.5): 50 % of the pulse's own peak on the leading edge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from instrument.calibration import ShotNoise
+from instrument.ranging.pulses import CoarseTraces, Pulses
+
+FloatArray = NDArray[np.float64]
+
+PEAK_PS = 80.0  # half width of the parabola through the peak
+EDGE_PS = 45.0  # half width of the line through the crossing, for the slope
+REACH_PS = 700.0  # how far before the peak the crossing may lie
+
+
+@dataclass(frozen=True)
+class Edges:
+    """Time-significant point and amplitude of one pulse in each of R records; NaN where there is no crossing.
+
+    Attributes
+    ----------
+    time_ps, time_variance_ps2 : (R,) float arrays
+        Crossing, and its variance without that of the baseline.
+    height_mv, height_variance_mv2 : (R,) float arrays
+        Peak above the baseline.
+    covariance_ps_mv : (R,) float array
+        Covariance of time and height.
+    baseline_ps_per_mv : (R,) float array
+        How far an error of the baseline moves the crossing.
+    """
+
+    time_ps: FloatArray
+    time_variance_ps2: FloatArray
+    height_mv: FloatArray
+    height_variance_mv2: FloatArray
+    covariance_ps_mv: FloatArray
+    baseline_ps_per_mv: FloatArray
+
+
+def half_maximum(
+    traces_mv: FloatArray,
+    times_ps: FloatArray,
+    coarse: CoarseTraces,
+    pulses: Pulses,
+    noise: ShotNoise,
+    sweeps: FloatArray,
+) -> Edges:
+    """Find where each pulse crosses half of its own peak, walking back from the peak to the first sample below.
+
+    The peak is the vertex of a parabola through the samples about it: the largest sample alone would be too high by
+    one to two standard deviations of the noise. The crossing is interpolated linearly between two samples v0 < L <= v1
+    at the level L = (baseline + peak) / 2, f = (L - v0) / (v1 - v0). With the slope s' of a line through the samples
+    about it, its variance is ``([(1 - f)^2 + f^2] var(v) + var(peak) / 4) / s'^2``. Where the edge rises by less than
+    two standard deviations of the noise from one sample to the next, there are several crossings; the last one is taken,
+    which comes late, and the variance is then too large by up to a third.
+
+    Parameters
+    ----------
+    traces_mv : (R, S) float array
+    times_ps : (S,) float array
+    coarse, pulses
+        Where the pulses are.
+    noise : ShotNoise
+        Noise on a pulse beyond that of the trace between the pulses.
+    sweeps : (R,) float array
+        Sweeps averaged in each trace.
+    """
+    step_ps = float(times_ps[1] - times_ps[0])
+    rows = np.arange(len(traces_mv))
+    centre = pulses.peak * coarse.width + coarse.width // 2
+    peak_mv, shape = _peak(traces_mv, centre, step_ps)
+    height = peak_mv - coarse.baseline_mv
+    level = (peak_mv + coarse.baseline_mv) / 2
+
+    reach = np.arange(round(REACH_PS / step_ps))
+    index = centre[:, None] - reach
+    values = np.take_along_axis(traces_mv, np.maximum(index, 0), axis=1)
+    below = (values < level[:, None]) & (index >= 0)
+    back = np.argmax(below, axis=1)
+    crossed = pulses.found & below.any(axis=1) & (back > 0) & (height > 0)
+    low = np.where(crossed, index[rows, back], 0)
+    v0, v1 = traces_mv[rows, low], traces_mv[rows, low + 1]
+    share = np.divide(level - v0, v1 - v0, out=np.full_like(level, np.nan), where=crossed)
+
+    slope = _slope(traces_mv, low, step_ps)
+    crossed &= slope > 0
+    slope = np.where(crossed, slope, np.nan)
+
+    def variance(signal_mv: FloatArray, slope_mv_per_ps: FloatArray | float) -> FloatArray:
+        signal = np.maximum(signal_mv, 0.0)
+        excess = (
+            noise.signal_mv * signal + (noise.signal_share * signal) ** 2 + (noise.jitter_ps * slope_mv_per_ps) ** 2
+        )
+        return np.asarray(coarse.noise_mv**2 + excess / sweeps, dtype=np.float64)
+
+    height_variance = shape * variance(height, 0.0)
+    edge_variance = ((1 - share) ** 2 + share**2) * variance(height / 2, slope)
+    return Edges(
+        time_ps=np.where(crossed, times_ps[low] + share * step_ps, np.nan),
+        time_variance_ps2=(edge_variance + height_variance / 4) / slope**2,
+        height_mv=np.where(crossed, height, np.nan),
+        height_variance_mv2=height_variance + coarse.baseline_variance_mv2,
+        covariance_ps_mv=(height_variance - coarse.baseline_variance_mv2) / (2 * slope),
+        baseline_ps_per_mv=0.5 / slope,
+    )
+
+
+def _peak(traces_mv: FloatArray, centre: NDArray[np.int64], step_ps: float) -> tuple[FloatArray, FloatArray]:
+    """Return the vertex of the parabola through the samples about each peak, and its variance for unit noise.
+
+    The pulse is not symmetric about its peak, so where the samples lie about it matters: a second parabola is put
+    about the vertex of the first.
+    """
+    samples = traces_mv.shape[1]
+    half = max(2, min(round(PEAK_PS / step_ps), (samples - 1) // 2))
+    place = np.arange(-half, half + 1)
+    solve = np.linalg.pinv(np.vander(place / half, 3, increasing=True))
+    for _ in range(2):
+        centre = np.clip(centre, half, samples - half - 1)
+        level, tilt, bend = (np.take_along_axis(traces_mv, centre[:, None] + place, axis=1) @ solve.T).T
+        vertex = np.clip(np.divide(-tilt, 2 * bend, out=np.zeros_like(bend), where=bend < 0), -1.0, 1.0)
+        centre = centre + np.rint(vertex * half).astype(np.int64)
+    powers = np.vander(vertex, 3, increasing=True)
+    variance = np.einsum("ri,ij,rj->r", powers, solve @ solve.T, powers)
+    return level + tilt * vertex + bend * vertex**2, variance
+
+
+def _slope(traces_mv: FloatArray, low: NDArray[np.int64], step_ps: float) -> FloatArray:
+    """Return the slope (mV/ps) of a line through the samples about each crossing."""
+    samples = traces_mv.shape[1]
+    half = max(1, min(round(EDGE_PS / step_ps), (samples - 1) // 2))
+    place = np.arange(-half, half + 1)
+    centre = np.clip(low, half, samples - half - 1)
+    values = np.take_along_axis(traces_mv, centre[:, None] + place, axis=1)
+    return np.asarray(values @ (place / (step_ps * np.sum(place**2))), dtype=np.float64)

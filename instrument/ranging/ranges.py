@@ -1,0 +1,44 @@
+"""`Ranges`: what ranging returns, and the speed of light that it uses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+AIR_INDEX = 1.00027  # group index of air at 904 nm, 20 degC, 1013 hPa
+SPEED_OF_LIGHT_MM_PER_PS = 0.299792458 / AIR_INDEX
+RANGE_PER_INTERVAL_MM_PER_PS = SPEED_OF_LIGHT_MM_PER_PS / 2  # there and back
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """Ranges of R records; every array is (R,).
+
+    Attributes
+    ----------
+    range_mm : float array
+        Range along the beam, walk corrected where a calibration was given; NaN without echo or reference.
+    variance_mm2 : float array
+        Variance that repeated readings have; NaN like the range.
+    response_mv : float array
+        Amplitude of the echo; NaN where there is none.
+    flags : uint16 array
+        Sums of `instrument.scan_line.Flag`.
+    bias_sd_mm : float array
+        Standard deviation of the walk correction, which repeating does not reduce: a separate budget. 0 without
+        calibration, NaN like the range.
+    reference_ps : float array
+        Time-significant point of the reference on the trace; NaN without reference.
+    reference_mv : float array
+        Amplitude of the reference; NaN without it.
+    """
+
+    range_mm: NDArray[np.float64]
+    variance_mm2: NDArray[np.float64]
+    response_mv: NDArray[np.float64]
+    flags: NDArray[np.uint16]
+    bias_sd_mm: NDArray[np.float64]
+    reference_ps: NDArray[np.float64]
+    reference_mv: NDArray[np.float64]
