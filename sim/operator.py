@@ -1,0 +1,36 @@
+"""What a person at the simulated bench does: point at landmarks in a scan."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sim.scene import FloatArray
+
+CLICK_SIGMA_MM = 2.5
+
+
+def clicks(
+    landmarks: FloatArray,
+    scanner_from_model: FloatArray,
+    rng: np.random.Generator,
+    sigma_mm: float = CLICK_SIGMA_MM,
+) -> FloatArray:
+    """Point at landmarks in the scan, with a few millimetres of error in each direction.
+
+    Parameters
+    ----------
+    landmarks : (K, 3) array
+        Landmarks on the model, mm.
+    scanner_from_model : (4, 4) array
+        True pose of the model.
+    rng : numpy.random.Generator
+    sigma_mm : float, optional
+        Standard deviation of a click along each axis.
+
+    Returns
+    -------
+    (K, 3) float array
+        Points in the scanner frame.
+    """
+    true_mm = np.asarray(landmarks) @ scanner_from_model[:3, :3].T + scanner_from_model[:3, 3]
+    return np.asarray(true_mm + rng.normal(0.0, sigma_mm, true_mm.shape))

@@ -1,0 +1,62 @@
+"""From sampling instants to sums of codes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sim.receiver import TABLE_PS, Echo
+from sim.sampler import add_pulse, digitise
+from sim.settings import SimulationSettings
+
+SETTINGS = SimulationSettings()
+INSTANTS = 6500.0 + 6.7 * np.arange(400)
+
+
+def ramp(peak_mv=40.0, length_ps=500.0):
+    shape = np.interp(
+        np.arange(0, length_ps + TABLE_PS, TABLE_PS), [0, length_ps / 2, length_ps], [0, peak_mv, 0]
+    ).astype(np.float32)
+    return Echo(shape, -50.0, peak_mv)
+
+
+def test_a_pulse_is_sampled_where_it_is():
+    signal = np.zeros((3, 400), dtype=np.float32)
+    add_pulse(signal, INSTANTS, 7000.0, ramp(), np.random.default_rng(1), 0.0)
+    expected = np.interp(INSTANTS, [6950.0, 7200.0, 7450.0], [0.0, 40.0, 0.0])
+    np.testing.assert_allclose(signal, np.broadcast_to(expected, (3, 400)), atol=0.03)
+
+
+def test_jitter_of_each_shot_moves_the_edge():
+    signal = np.zeros((4000, 400), dtype=np.float32)
+    add_pulse(signal, INSTANTS, 7000.0, ramp(), np.random.default_rng(1), 3.0)
+    edge = np.searchsorted(INSTANTS, 7075.0)
+    assert signal[:, edge].std() == pytest.approx(3.0 * 40.0 / 250.0, rel=0.05)
+    # Neighbouring samples are different shots.
+    assert abs(np.corrcoef(signal[:, edge], signal[:, edge + 1])[0, 1]) < 0.06
+
+
+def test_a_pulse_outside_the_window_leaves_no_trace():
+    signal = np.zeros((2, 400), dtype=np.float32)
+    add_pulse(signal, INSTANTS, 20000.0, ramp(), np.random.default_rng(1), 3.0)
+    assert not signal.any()
+
+
+def test_codes_of_known_voltages():
+    volts = np.array([[0.0, 0.24, 0.26, 16.0, -8.0], [0.0, 0.0, 0.0, 0.0, 0.0]], dtype=np.float32)
+    sums, clipped = digitise(volts, SETTINGS)
+    np.testing.assert_array_equal(sums, [64, 64, 65, 96, 48])
+    assert sums.dtype == np.uint32
+    assert not clipped
+
+
+@pytest.mark.parametrize(("level_mv", "code"), [(200.0, 255), (111.5, 255), (-16.0, 0), (-50.0, 0)])
+def test_ends_of_the_range_clip(level_mv, code):
+    sums, clipped = digitise(np.full((2, 3), level_mv, dtype=np.float32), SETTINGS)
+    np.testing.assert_array_equal(sums, 2 * code)
+    assert clipped
+
+
+def test_sums_of_many_sweeps_are_exact():
+    sums, _ = digitise(np.full((256, 2), 105.0, dtype=np.float32), SETTINGS)
+    np.testing.assert_array_equal(sums, 256 * 242)
