@@ -55,8 +55,8 @@ def half_maximum(
     one to two standard deviations of the noise. The crossing is interpolated linearly between two samples v0 < L <= v1
     at the level L = (baseline + peak) / 2, f = (L - v0) / (v1 - v0). With the slope s' of a line through the samples
     about it, its variance is ``([(1 - f)^2 + f^2] var(v) + var(peak) / 4) / s'^2``. Where the edge rises by less than
-    two standard deviations of the noise from one sample to the next, there are several crossings; the last one is taken,
-    which comes late, and the variance is then too large by up to a third.
+    two standard deviations of the noise from one sample to the next, there are several crossings; the last one is
+    taken, which comes late, and the variance is then too large by up to a third.
 
     Parameters
     ----------

@@ -69,8 +69,10 @@ def test_the_speed_of_light_is_that_in_air() -> None:
     assert pytest.approx(0.2997115, abs=1e-7) == SPEED_OF_LIGHT_MM_PER_PS
 
 
-@pytest.mark.parametrize(("response_mv", "least"), [(10.0, 0.7), (15.0, 0.8), (30.0, 0.9), (65.0, 0.9)])
-def test_the_variance_is_that_of_repeated_readings(response_mv: float, least: float) -> None:
+@pytest.mark.parametrize(
+    ("response_mv", "least", "latest_mm"), [(10.0, 0.7, 0.5), (15.0, 0.8, 0.2), (30.0, 0.9, 0.05), (65.0, 0.9, 0.02)]
+)
+def test_the_variance_is_that_of_repeated_readings(response_mv: float, least: float, latest_mm: float) -> None:
     found = estimate(noisy(trace(4000.0, response_mv), 3000, 0.4, seed=11), TIMES)
     spread = found.range_mm - found.range_mm.mean()
     # The mean square of 3000 readings is good to 2.6 %. Where the edge rises by little more than the noise from sample
@@ -78,7 +80,7 @@ def test_the_variance_is_that_of_repeated_readings(response_mv: float, least: fl
     assert least < np.mean(spread**2 / found.variance_mm2) < 1.1
     # Noise makes the last crossing before the peak come late: part of the timing walk, and it falls with the response.
     late_mm = found.range_mm.mean() - SPEED_OF_LIGHT_MM_PER_PS / 2 * 4000.0
-    assert -0.02 < late_mm < 0.2 * 15.0 / response_mv
+    assert -0.02 < late_mm < latest_mm
 
 
 def test_the_walk_correction_and_the_range_zero_are_applied() -> None:
