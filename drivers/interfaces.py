@@ -217,6 +217,22 @@ class Record:
 
 
 @dataclass(frozen=True)
+class WindowRecord:
+    """One record that was taken in windows.
+
+    Attributes
+    ----------
+    number : int
+        Place in the run.
+    windows : tuple of Record
+        One averaged piece of the trace for each window, in the order of the window table.
+    """
+
+    number: int
+    windows: tuple[Record, ...]
+
+
+@dataclass(frozen=True)
 class SamplerStatus:
     """One look at the sampler: what it does, its trigger, its gate and its watchdog.
 

@@ -1,0 +1,240 @@
+# ruff: noqa: ARG002 (the arguments are those of pyusb's interface)
+"""A pyusb backend whose bus is the simulated bench: pass it to ``usb.core.find(backend=...)``."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterable
+from types import SimpleNamespace
+from typing import Any
+
+import usb.backend
+
+from drivers.clock import Clock
+from sim.usb import errors
+from sim.usb.bus import SimUsbDevice
+from sim.usb.descriptors import Configuration, Endpoint, Interface
+from sim.usb.firmware import Setup, UsbFirmware
+
+BUS = 1
+
+
+class _Handle:
+    """One opening of a device."""
+
+    def __init__(self, device: SimUsbDevice) -> None:
+        self.device = device
+
+
+class SimUsbBackend(usb.backend.IBackend):  # type: ignore[misc]
+    """All that pyusb asks of a bus.
+
+    A read moves the clock to the moment when its data are due and runs what falls due on the way; a
+    timer may use the bus meanwhile.
+
+    Parameters
+    ----------
+    clock : Clock
+        Time of the bench.
+    devices : iterable of UsbFirmware
+        What is plugged in.
+    """
+
+    def __init__(self, clock: Clock, devices: Iterable[UsbFirmware] = ()) -> None:
+        self.clock = clock
+        self._devices: list[SimUsbDevice] = []
+        self._next_address = 1
+        for firmware in devices:
+            self.plug(firmware)
+
+    def plug(self, firmware: UsbFirmware) -> SimUsbDevice:
+        """Plug a device in; it gets a new address."""
+        device = SimUsbDevice(firmware, self.clock, self._next_address)
+        self._next_address += 1
+        self._devices.append(device)
+        return device
+
+    def unplug(self, firmware: UsbFirmware) -> None:
+        """Pull a device's cable: every handle on it now fails with ENODEV."""
+        for device in [d for d in self._devices if d.firmware is firmware]:
+            self._devices.remove(device)
+            device.unplug()
+
+    def device_of(self, firmware: UsbFirmware) -> SimUsbDevice:
+        """Get the plugged-in device of a firmware.
+
+        Raises
+        ------
+        LookupError
+            When it is not plugged in.
+        """
+        for device in self._devices:
+            if device.firmware is firmware:
+                return device
+        raise LookupError(f"{firmware!r} is not plugged in")
+
+    # Enumeration and descriptors: arguments are logical indices, past the last one is an IndexError.
+
+    def enumerate_devices(self) -> list[SimUsbDevice]:
+        """Get what is plugged in now."""
+        return list(self._devices)
+
+    def get_parent(self, dev: SimUsbDevice) -> None:
+        """There are no hubs: every device hangs on the root."""
+
+    def get_device_descriptor(self, dev: SimUsbDevice) -> SimpleNamespace:
+        """Get the device descriptor with the place on the bus."""
+        device = dev.descriptors
+        fields = {name: getattr(device, name) for name in _DEVICE_FIELDS}
+        return SimpleNamespace(
+            **fields, address=dev.address, bus=BUS, port_number=dev.address, port_numbers=(dev.address,)
+        )
+
+    def get_configuration_descriptor(self, dev: SimUsbDevice, config: int) -> Configuration:
+        """Get a configuration descriptor."""
+        return dev.descriptors.configurations[config]
+
+    def get_interface_descriptor(self, dev: SimUsbDevice, intf: int, alt: int, config: int) -> Interface:
+        """Get the descriptor of one alternate setting."""
+        return dev.descriptors.configurations[config].alternates(intf)[alt]
+
+    def get_endpoint_descriptor(self, dev: SimUsbDevice, ep: int, intf: int, alt: int, config: int) -> Endpoint:
+        """Get an endpoint descriptor."""
+        return self.get_interface_descriptor(dev, intf, alt, config).endpoints[ep]
+
+    # Handles, configuration and claims
+
+    def open_device(self, dev: SimUsbDevice) -> _Handle:
+        """Open a device."""
+        dev.check_plugged()
+        return _Handle(dev)
+
+    def close_device(self, dev_handle: _Handle) -> None:
+        """Close a handle; its claims end. Harmless when called late."""
+        claims = dev_handle.device.claims
+        for interface in [i for i, owner in claims.items() if owner is dev_handle]:
+            del claims[interface]
+
+    def set_configuration(self, dev_handle: _Handle, config_value: int) -> None:
+        """Select a configuration."""
+        dev_handle.device.check_plugged()
+        dev_handle.device.configure(config_value)
+
+    def get_configuration(self, dev_handle: _Handle) -> int:
+        """Get the value of the present configuration; 0 means none."""
+        dev_handle.device.check_plugged()
+        return dev_handle.device.configuration
+
+    def set_interface_altsetting(self, dev_handle: _Handle, intf: int, altsetting: int) -> None:
+        """Select an alternate setting."""
+        self._claimed(dev_handle, intf).select_alternate(intf, altsetting)
+
+    def claim_interface(self, dev_handle: _Handle, intf: int) -> None:
+        """Take an interface for this handle alone."""
+        device = dev_handle.device
+        device.check_plugged()
+        if device.claims.setdefault(intf, dev_handle) is not dev_handle:
+            raise errors.busy()
+
+    def release_interface(self, dev_handle: _Handle, intf: int) -> None:
+        """Give an interface back; the device returns to alternate setting 0."""
+        device = dev_handle.device
+        if device.claims.get(intf) is not dev_handle:
+            return
+        del device.claims[intf]
+        if device.plugged and device.alternates.get(intf):
+            device.select_alternate(intf, 0)
+
+    # Transfers
+
+    def bulk_write(self, dev_handle: _Handle, ep: int, intf: int, data: array[int], timeout: int) -> int:
+        """Write one transfer; returns the bytes taken."""
+        return self._claimed(dev_handle, intf).write(ep, data.tobytes(), _seconds(timeout))
+
+    def bulk_read(self, dev_handle: _Handle, ep: int, intf: int, buff: array[int], timeout: int) -> int:
+        """Read one transfer into ``buff``; returns its length."""
+        return self._claimed(dev_handle, intf).read_into(ep, buff, _seconds(timeout))
+
+    intr_write = bulk_write
+    intr_read = bulk_read
+
+    def iso_write(self, dev_handle: _Handle, ep: int, intf: int, data: array[int], timeout: int) -> int:
+        """Refuse: no device of this bench uses isochronous transfers."""
+        raise errors.not_supported("isochronous transfers")
+
+    def iso_read(self, dev_handle: _Handle, ep: int, intf: int, buff: array[int], timeout: int) -> int:
+        """Refuse: no device of this bench uses isochronous transfers."""
+        raise errors.not_supported("isochronous transfers")
+
+    def ctrl_transfer(
+        self,
+        dev_handle: _Handle,
+        bmRequestType: int,
+        bRequest: int,
+        wValue: int,
+        wIndex: int,
+        data: array[int],
+        timeout: int,
+    ) -> int:
+        """Carry out a control transfer; returns the length of its data stage."""
+        setup = Setup(bmRequestType, bRequest, wValue, wIndex, len(data))
+        if not setup.to_host:
+            dev_handle.device.control(setup, data.tobytes())
+            return len(data)
+        answer = dev_handle.device.control(setup, b"")
+        memoryview(data)[: len(answer)] = memoryview(answer)
+        return len(answer)
+
+    def clear_halt(self, dev_handle: _Handle, ep: int) -> None:
+        """Take an endpoint out of its halt."""
+        dev_handle.device.clear_halt(ep)
+
+    def reset_device(self, dev_handle: _Handle) -> None:
+        """Reset the port."""
+        dev_handle.device.check_plugged()
+        dev_handle.device.reset()
+
+    # Kernel drivers: there is no kernel under this bus.
+
+    def is_kernel_driver_active(self, dev_handle: _Handle, intf: int) -> bool:
+        """Get whether a kernel driver holds the interface: never."""
+        return False
+
+    def detach_kernel_driver(self, dev_handle: _Handle, intf: int) -> None:
+        """Refuse: there is no kernel driver."""
+        raise errors.not_found(f"kernel driver of interface {intf}")
+
+    def attach_kernel_driver(self, dev_handle: _Handle, intf: int) -> None:
+        """Refuse: there is no kernel driver."""
+        raise errors.not_found(f"kernel driver of interface {intf}")
+
+    @staticmethod
+    def _claimed(handle: _Handle, interface: Any) -> SimUsbDevice:
+        handle.device.check_plugged()
+        if handle.device.claims.get(int(interface)) is not handle:
+            raise errors.not_found(f"claim on interface {interface}")
+        return handle.device
+
+
+_DEVICE_FIELDS = (
+    "bLength",
+    "bDescriptorType",
+    "bcdUSB",
+    "bDeviceClass",
+    "bDeviceSubClass",
+    "bDeviceProtocol",
+    "bMaxPacketSize0",
+    "idVendor",
+    "idProduct",
+    "bcdDevice",
+    "iManufacturer",
+    "iProduct",
+    "iSerialNumber",
+    "bNumConfigurations",
+    "speed",
+)
+
+
+def _seconds(timeout_ms: int) -> float:
+    """Turn pyusb's time limit into seconds; 0 means for ever."""
+    return timeout_ms / 1000 if timeout_ms else float("inf")
