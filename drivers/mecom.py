@@ -1,0 +1,218 @@
+"""Meerstetter TEC-1091 / 1089: keeps the laser diode at its temperature (protocol sheet ``mecom_tec``).
+
+Before set points are written, saving to flash is switched off (parameter 108), because the flash wears.
+The device's own watchdog (2060) switches the output off when the host is gone.
+"""
+
+from __future__ import annotations
+
+from drivers.controls import Control, Reading
+from drivers.errors import DeviceError, DeviceFault, ProtocolError
+from drivers.interfaces import Identity, TemperatureStatus
+from drivers.mecom_parameters import (
+    PARAMETERS,
+    DeviceStatus,
+    OutputEnable,
+    OutputStageInput,
+    Stability,
+)
+from drivers.mecom_session import MeCom
+from drivers.mecom_wire import ERRORS
+from drivers.serial_link import SerialLink
+
+BAUD = 57600
+MODELS = {1089: "TEC-1089", 1091: "TEC-1091"}
+START_UP_S = 5.0
+
+
+def _control(number: int, doc: str, unit: str) -> Control[int, float]:
+    row = PARAMETERS[number]
+    return Control(number, float, doc, limits=(row.least, row.most), unit=unit)
+
+
+class Tec:
+    """One channel of a temperature controller; satisfies `drivers.interfaces.TemperatureController`.
+
+    Parameters
+    ----------
+    link : SerialLink
+        The line to it (57600 baud as shipped); owned by this object from now on.
+    address : int
+        Address on the line, 1 to 254.
+    instance : int
+        Channel, 1 or 2.
+    watchdog_s : float
+        Silence of the host (s) after which the device stops its output, 0.1 to 600; 0 for never.
+    first_sequence : int
+        Number of the first telegram, 0 to 65535.
+    """
+
+    def __init__(
+        self, link: SerialLink, address: int = 1, *, instance: int = 1, watchdog_s: float = 0.0, first_sequence: int = 0
+    ) -> None:
+        self.link = link
+        self.session = MeCom(link, address, first_sequence=first_sequence)
+        self.instance = instance
+        self.watchdog_s = watchdog_s
+
+    @property
+    def device(self) -> str:
+        """Get the device's name for messages."""
+        return self.link.device
+
+    target_degc = _control(3000, "Control the target temperature in degC (float from -273.15 to 1000).", "degC")
+    ramp_degc_per_s = _control(3003, "Control the ramp of the target in degC/s (float from 0 to 1000).", "degC/s")
+    proximity_degc = _control(3002, "Control where the ramp ends in degC from the target (float).", "degC")
+    kp = _control(3010, "Control the gain of the controller in %/degC (float from 0).", "%/degC")
+    ti_s = _control(3011, "Control the integration time in s (float from 0).", "s")
+    td_s = _control(3012, "Control the differentiation time in s (float from 0).", "s")
+    current_limit_a = _control(2030, "Control the largest output current in A (float from 0 to 4).", "A")
+    voltage_limit_v = _control(2031, "Control the largest output voltage in V (float from 0 to 21).", "V")
+    lower_threshold_degc = _control(4010, "Control the lower error threshold in degC (float).", "degC")
+    upper_threshold_degc = _control(4011, "Control the upper error threshold in degC (float).", "degC")
+    stable_deviation_degc = _control(4040, "Control the band that counts as stable in degC (float).", "degC")
+    stable_least_s = _control(4041, "Control how long it must stay in the band in s (float).", "s")
+    stable_longest_s = _control(4042, "Control within what time it must be stable in s (float; 0: any).", "s")
+    output_stage_input = Control(2000, OutputStageInput, "Control what drives the output (`OutputStageInput`).")
+    output_enable = Control(2010, OutputEnable, "Control the output (`OutputEnable`).")
+    flash_saving_off = Control(108, bool, "Control whether settings stay out of the flash (bool).", limits=(0, 1))
+    temperature_degc = Reading(1000, float, "Measure the object temperature in degC.")
+    sink_degc = Reading(1001, float, "Measure the sink temperature in degC.")
+    nominal_degc = Reading(1011, float, "Get the present target of the ramp in degC.")
+    output_a = Reading(1020, float, "Measure the output current in A.")
+    output_v = Reading(1021, float, "Measure the output voltage in V.")
+    stability = Reading(1200, Stability, "Get whether it regulates and is stable (`Stability`).")
+    device_status = Reading(104, DeviceStatus, "Get the device status (`DeviceStatus`).")
+    error_number = Reading(105, int, "Get the number of the present error (0: none).")
+
+    def open(self) -> None:
+        """Open the line, make sure that a TEC answers, switch its output off and arm its watchdog.
+
+        A latched error is reported by `status`, and left by `reset`.
+
+        Raises
+        ------
+        LinkLost, Timeout
+            When the line or the device is not there.
+        ProtocolError
+            When another device answers.
+        DeviceFault
+            When a setting is refused or the output cannot be verified off.
+        """
+        self.link.open()
+        self.identify()
+        self.flash_saving_off = True
+        self.off()
+        self.session.set(2060, self.watchdog_s, instance=1)
+
+    def close(self) -> None:
+        """Switch the output and the watchdog off, and close the line; harmless when it is closed.
+
+        Raises
+        ------
+        DeviceError
+            When the output could not be verified off; the line is closed all the same.
+        """
+        try:
+            if self.link.is_open:
+                self.off()
+                self.session.set(2060, 0.0, instance=1)
+        finally:
+            self.link.close()
+
+    def identify(self) -> Identity:
+        """Get model, serial number and firmware.
+
+        Raises
+        ------
+        ProtocolError
+            When the device type is none of this family.
+        """
+        kind = int(self.get_number(100))
+        if kind not in MODELS:
+            what = f"another device answers: type {kind}"
+            raise ProtocolError(self.device, what, "check which port is which in the settings")
+        serial, firmware = int(self.get_number(102)), int(self.get_number(103))
+        return Identity(model=MODELS[kind], serial_number=str(serial), firmware=f"{firmware / 100:.2f}")
+
+    def regulate(self, target_degc: float) -> None:
+        """Set the target (degC) and switch the output on; both read back.
+
+        Raises
+        ------
+        LimitError
+            When the target is out of range; nothing was sent.
+        DeviceFault
+            When the device is in error, refuses, or reads back something else.
+        """
+        self.target_degc = target_degc
+        self.output_stage_input = OutputStageInput.TEMPERATURE_CONTROLLER
+        self._switch(OutputEnable.ON)
+        if abs((found := self.target_degc) - target_degc) > 1e-3:
+            raise DeviceFault(self.device, f"target is {found:g} degC after it was set to {target_degc:g} degC")
+        if problem := self._problem():
+            raise DeviceFault(self.device, problem, "find the cause, then reset the controller", code=self.error_number)
+
+    def off(self) -> None:
+        """Switch the output off; read back."""
+        self._switch(OutputEnable.OFF)
+
+    def status(self) -> TemperatureStatus:
+        """Measure the present state."""
+        stability = self.stability
+        return TemperatureStatus(
+            temperature_degc=self.temperature_degc,
+            target_degc=self.target_degc,
+            regulating=stability is not Stability.NOT_REGULATING,
+            stable=stability is Stability.STABLE,
+            problem=self._problem(),
+        )
+
+    def emergency_stop(self) -> None:
+        """Switch all outputs off at once (``ES``); leaves error 11 until `reset`."""
+        self.session.request("ES")
+
+    def reset(self) -> None:
+        """Restart the device (``RS``), which clears an error, and wait until it answers again.
+
+        Settings that were not saved are lost: set up again.
+
+        Raises
+        ------
+        Timeout
+            When it does not come back within 5 s.
+        """
+        clock = self.link.clock
+        self.session.request("RS")
+        end = clock.now() + START_UP_S
+        clock.sleep(0.25)  # the device still answers for about 200 ms before it resets
+        while True:
+            try:
+                if self.device_status in (DeviceStatus.READY, DeviceStatus.RUN, DeviceStatus.ERROR):
+                    break
+            except DeviceError:
+                if clock.now() > end:
+                    raise
+            clock.sleep(0.1)
+        self.flash_saving_off = True
+        self.session.set(2060, self.watchdog_s, instance=1)
+
+    def get_number(self, key: int) -> float:
+        """Ask for one parameter."""
+        return self.session.get(key, instance=self._instance_of(key))
+
+    def set_number(self, key: int, value: float) -> None:
+        """Set one parameter."""
+        self.session.set(key, value, instance=self._instance_of(key))
+
+    def _instance_of(self, key: int) -> int:
+        return 1 if PARAMETERS[key].common else self.instance
+
+    def _switch(self, wanted: OutputEnable) -> None:
+        self.output_enable = wanted
+        if (found := self.output_enable) is not wanted:
+            raise DeviceFault(self.device, f"output is {found.name} after it was set to {wanted.name}")
+
+    def _problem(self) -> str:
+        number = self.error_number
+        return f"error {number}: {ERRORS.get(number, 'unknown')}" if number else ""

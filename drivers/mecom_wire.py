@@ -1,0 +1,149 @@
+"""MeCom at the wire: frames, check sums, numbers (protocol sheet ``mecom_tec``). Pure functions.
+
+A frame is a control character (``#`` from the host, ``!`` from the device), address (2 hex digits),
+sequence number (4), payload, CRC-16/XMODEM over all of that (4), and CR.
+"""
+
+from __future__ import annotations
+
+import binascii
+import struct
+from dataclasses import dataclass
+
+END = b"\r"
+ANY_ADDRESS = 0x00
+ALL_ADDRESSES = 0xFF
+SHORTEST = 11  # control, address, sequence, CRC
+
+REFUSALS = {
+    0x01: "command not available",
+    0x02: "device busy",
+    0x03: "general communication error",
+    0x04: "format error",
+    0x05: "parameter not available",
+    0x06: "parameter is read only",
+    0x07: "value out of range",
+    0x08: "instance not available",
+    0x09: "parameter general failure",
+}
+
+ERRORS = {
+    11: "emergency stop",
+    22: "parameter set corrupt",
+    23: "parameter set incompatible",
+    30: "supply voltage low",
+    31: "supply voltage high",
+    32: "medium supply low",
+    33: "medium supply high",
+    36: "3.3 V supply low",
+    37: "3.3 V supply high",
+    60: "device too hot",
+    **dict.fromkeys(range(100, 104), "output over-current"),
+    104: "output over-voltage",
+    105: "output over-voltage",
+    106: "residual current too high",
+    107: "total current too high",
+    108: "saturation",
+    137: "object temperature below threshold",
+    138: "object temperature above threshold",
+    139: "object temperature changes too fast",
+    **dict.fromkeys(range(140, 145), "sink temperature"),
+    **dict.fromkeys(range(170, 174), "auto tuning"),
+    175: "fan",
+    176: "fan",
+    182: "temperature not stable in time",
+    183: "communication watchdog expired",
+}
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One frame taken apart; ``crc`` is as received and not judged yet, ``own_crc`` is what it should be."""
+
+    control: str
+    address: int
+    sequence: int
+    payload: str
+    crc: int
+    own_crc: int
+
+    @property
+    def is_intact(self) -> bool:
+        """Get whether the check sum is the frame's own."""
+        return self.crc == self.own_crc
+
+    def acknowledges(self, command_crc: int) -> bool:
+        """Get whether this is the answer to a set command: no payload, and the *command's* check sum."""
+        return not self.payload and self.crc == command_crc
+
+    @property
+    def refusal(self) -> int | None:
+        """Get the code of a refusal (``+`` and two hex digits); None for any other answer."""
+        if len(self.payload) == 3 and self.payload.startswith("+"):
+            return int(self.payload[1:], 16)
+        return None
+
+
+def crc16(data: bytes) -> int:
+    """Compute the CRC-16/XMODEM (polynomial 0x1021, start 0, not reflected) of ``data``."""
+    return binascii.crc_hqx(data, 0)
+
+
+def encode(control: str, address: int, sequence: int, payload: str, *, crc: int | None = None) -> bytes:
+    """Make the bytes of one frame; ``crc`` in place of its own makes an acknowledgement."""
+    body = f"{control}{address:02X}{sequence:04X}{payload}".encode("ascii")
+    return body + f"{crc16(body) if crc is None else crc:04X}".encode("ascii") + END
+
+
+def decode(line: bytes) -> Frame:
+    """Take one frame apart.
+
+    A control character starts a new frame, so what stands before the last one is dropped.
+
+    Raises
+    ------
+    ValueError
+        When the line holds no frame, or other than capital hex digits where they are due.
+    """
+    start = max(line.rfind(b"#"), line.rfind(b"!"))
+    body = line[start:].removesuffix(END)
+    if start < 0 or len(body) < SHORTEST:
+        raise ValueError(f"{line!r} is no frame")
+    text = body.decode("ascii")
+    if not text.isprintable():
+        raise ValueError(f"control characters in {line!r}")
+    return Frame(
+        control=text[0],
+        address=_hex(text[1:3]),
+        sequence=_hex(text[3:7]),
+        payload=text[7:-4],
+        crc=_hex(text[-4:]),
+        own_crc=crc16(body[:-4]),
+    )
+
+
+def encode_float(value: float) -> str:
+    """Write a FLOAT32: 23.0 is ``41B80000``."""
+    return struct.pack(">f", value).hex().upper()
+
+
+def decode_float(digits: str) -> float:
+    """Read a FLOAT32 from its eight hex digits."""
+    return float(struct.unpack(">f", _hex(digits, 8).to_bytes(4, "big"))[0])
+
+
+def encode_int(value: int) -> str:
+    """Write an INT32 in two's complement, high digit first."""
+    return struct.pack(">i", value).hex().upper()
+
+
+def decode_int(digits: str) -> int:
+    """Read an INT32 from its eight hex digits."""
+    return int(struct.unpack(">i", _hex(digits, 8).to_bytes(4, "big"))[0])
+
+
+def _hex(digits: str, length: int | None = None) -> int:
+    """Read capital hex digits, and nothing else that ``int`` would take (signs, blanks, underscores)."""
+    if not digits or digits.strip("0123456789ABCDEF") or (length is not None and len(digits) != length):
+        raise ValueError(f"{digits!r} are no {length or ''} capital hex digits")
+    return int(digits, 16)

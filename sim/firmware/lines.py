@@ -1,0 +1,36 @@
+"""Cuts a stream of bytes into lines, whatever pieces it comes in."""
+
+from __future__ import annotations
+
+
+class LineReader:
+    """Collects bytes until an end-of-line byte.
+
+    Parameters
+    ----------
+    ends : bytes
+        Every byte in it ends a line.
+    limit : int
+        Longest line. The rest of a longer one is thrown away, and it is given back cut to ``limit + 1``
+        bytes, so that the device can tell.
+    """
+
+    def __init__(self, ends: bytes, limit: int) -> None:
+        self.ends = ends
+        self.limit = limit
+        self._line = bytearray()
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """Take bytes and return the lines that they complete, without their ends."""
+        lines = []
+        for byte in data:
+            if byte in self.ends:
+                lines.append(bytes(self._line))
+                self._line.clear()
+            elif len(self._line) <= self.limit:
+                self._line.append(byte)
+        return lines
+
+    def clear(self) -> None:
+        """Forget the half line."""
+        self._line.clear()

@@ -1,0 +1,298 @@
+"""Genesys: the worked exchange and check sums of the protocol sheet, both directions, and driver with firmware."""
+
+from __future__ import annotations
+
+import pytest
+
+from drivers.errors import DeviceFault, LimitError, ProtocolError, Timeout
+from drivers.genesys import Genesys
+from drivers.genesys_wire import Fault, Status, checksum, decode, encode, parse_rating
+from sim.firmware.genesys import GenesysFirmware
+from sim.wires import InterlockChain
+
+SHEET = [
+    (b"ADR 6\r", b"OK\r"),
+    (b"IDN?\r", b"LAMBDA,GEN600-1.3\r"),
+    (b"RMT 1\r", b"OK\r"),
+    (b"AST 0\r", b"OK\r"),
+    (b"OUT 0\r", b"OK\r"),
+    (b"PV 240\r", b"OK\r"),
+    (b"OVP 350\r", b"OK\r"),
+    (b"PC 0.1\r", b"OK\r"),
+    (b"PV 290\r", b"OK\r"),
+    (b"PV?\r", b"290\r"),
+    (b"PV 340\r", b"E01\r"),
+    (b"OUT 1\r", b"OK\r"),
+    (b"MV?\r", b"290.01\r"),
+    (b"FLT?\r", b"00\r"),
+]
+AFTER_INTERLOCK_OPENED = [(b"FLT?\r", b"80\r"), (b"OUT?\r", b"OFF\r"), (b"OUT 1\r", b"E07\r")]
+CHECKSUMS = [
+    ("STT?", b"STT?$3A\r"),
+    ("STAT?", b"STAT?$7B\r"),
+    ("PV 290", b"PV 290$61\r"),
+    ("OUT 1", b"OUT 1$49\r"),
+    ("ADR 6", b"ADR 6$2D\r"),
+    ("OK", b"OK$9A\r"),
+]
+
+
+@pytest.fixture
+def interlock():
+    return InterlockChain()
+
+
+@pytest.fixture
+def firmware(clock, interlock):
+    return GenesysFirmware(clock, interlock)
+
+
+@pytest.fixture
+def supply(connect, firmware):
+    device = Genesys(connect(firmware))
+    device.open()
+    return device
+
+
+def test_worked_exchange_of_the_sheet_by_the_firmware(firmware, interlock, played):
+    for sent, reply in SHEET:
+        assert played(firmware, sent) == reply
+    interlock.closed = False
+    for sent, reply in AFTER_INTERLOCK_OPENED:
+        assert played(firmware, sent) == reply
+
+
+def test_worked_exchange_of_the_sheet_by_the_driver(scripted):
+    supply = Genesys(scripted(SHEET + AFTER_INTERLOCK_OPENED))
+    supply.command("ADR 6")
+    assert supply.query("IDN?") == "LAMBDA,GEN600-1.3"
+    supply.command("RMT 1")
+    supply.auto_start = False
+    supply.output = False
+    supply.voltage_v = 240
+    supply.overvoltage_v = 350
+    supply.current_a = 0.1
+    supply.voltage_v = 290
+    assert supply.voltage_v == 290
+    with pytest.raises(DeviceFault, match="voltage above the range") as refused:
+        supply.voltage_v = 340
+    assert refused.value.code == "E01"
+    supply.output = True
+    assert supply.measured_v == 290.01
+    assert supply.fault == Fault(0)
+    assert supply.fault is Fault.INTERLOCK
+    assert not supply.output
+    with pytest.raises(DeviceFault) as refused:
+        supply.output = True
+    assert refused.value.code == "E07"
+
+
+@pytest.mark.parametrize(("text", "wire"), CHECKSUMS)
+def test_check_sums_of_the_sheet(text, wire):
+    assert encode(text, with_checksum=True) == wire
+    assert decode(wire, with_checksum=True) == text
+
+
+def test_check_sum_of_the_digits():
+    assert checksum("123456789") == "DD"
+
+
+def test_bytes_of_the_voltage():
+    assert encode("PV 290") == bytes.fromhex("50 56 20 32 39 30 0d")
+    assert encode("OK") == bytes.fromhex("4f 4b 0d")
+
+
+def test_firmware_answers_a_check_sum_with_a_check_sum(firmware, played):
+    assert played(firmware, b"ADR 6$2D\r") == b"OK$9A\r"
+    assert played(firmware, b"OUT 1$48\r") == b"C04$A7\r"
+    assert played(firmware, b"OUT?$" + checksum("OUT?").encode() + b"\r") == b"OFF$DB\r"
+
+
+def test_opening_sequence(scripted):
+    link = scripted(
+        [
+            (b"\r", b""),
+            *SHEET[:5],
+            (b"OUT?\r", b"OFF\r"),
+        ]
+    )
+    Genesys(link).open()
+
+
+@pytest.mark.parametrize("with_checksum", [False, True])
+def test_driver_with_firmware(connect, firmware, with_checksum):
+    supply = Genesys(connect(firmware), checksum=with_checksum)
+    supply.open()
+    supply.protect(overvoltage_v=350, undervoltage_v=0, current_a=0.1)
+    supply.voltage_v = 290
+    supply.switch(on=True)
+    assert supply.mode == "CV"
+    supply.link.clock.sleep(1.0)
+    look = supply.look()
+    assert (look.voltage_v, look.measured_v, look.current_a) == (290, 290.01, 0.1)
+    assert look.measured_a == 0.0124
+    assert look.status == Status.CONSTANT_VOLTAGE | Status.NO_FAULT
+    assert supply.query("DVC?") == "290.01,290.00,0.0124,0.1000,350.00,0.000"
+    assert str(supply.identify()) == "GEN600-1.3, s/n 0123456, 1U-4.3"
+    supply.close()
+    assert firmware.output_v() > 60
+
+
+def test_output_starts_softly_and_discharges(supply, firmware, clock):
+    supply.voltage_v = 290
+    supply.current_a = 0.1
+    supply.switch(on=True)
+    assert 0 < firmware.output_v() < 290
+    clock.sleep(0.2)
+    assert firmware.output_v() == 290
+    supply.switch(on=False)
+    assert 60 < firmware.output_v() < 290
+    clock.sleep(1.0)
+    assert firmware.output_v() < 60
+
+
+def test_open_interlock_switches_off_and_stays_off(supply, firmware, interlock):
+    supply.voltage_v = 290
+    supply.current_a = 0.1
+    supply.switch(on=True)
+    interlock.closed = False
+    assert (supply.status, supply.fault) == (Status.FAULT, Fault.INTERLOCK)
+    with pytest.raises(DeviceFault, match="while a fault shuts it down"):
+        supply.switch(on=True)
+    interlock.closed = True
+    assert not supply.output
+    assert supply.fault == Fault(0)
+    supply.switch(on=True)
+    assert supply.output
+
+
+@pytest.mark.parametrize(
+    ("sent", "reply"),
+    [
+        ("PV", "C02"),
+        ("PV x", "C03"),
+        ("PV 1234567890123", "C03"),
+        ("PV 631", "E01"),
+        ("FOO 1", "C01"),
+        ("FOO?", "C01"),
+        ("OUT 2", "C03"),
+        ("OVP 700", "C05"),
+        ("PC 2", "C05"),
+        ("UVL 10", "E06"),
+        ("FILTER 20", "C03"),
+        ("FENA 1", "C03"),
+        ("CLS 1", "C03"),
+        ("out 0", "OK"),
+        ("", "OK"),
+    ],
+)
+def test_replies_to_bad_messages(firmware, played, sent, reply):
+    assert played(firmware, b"ADR 6\r") == b"OK\r"
+    assert played(firmware, sent.encode() + b"\r") == reply.encode() + b"\r"
+
+
+def test_cross_rules(supply):
+    supply.overvoltage_v = 346.5
+    supply.voltage_v = 329.175
+    with pytest.raises(DeviceFault, match="E01"):
+        supply.voltage_v = 330
+    with pytest.raises(DeviceFault, match="E04"):
+        supply.overvoltage_v = 345
+    with pytest.raises(DeviceFault, match="E06"):
+        supply.undervoltage_v = 313
+    supply.undervoltage_v = 312
+    with pytest.raises(DeviceFault, match="E02"):
+        supply.voltage_v = 311
+
+
+def test_limits_are_set_in_an_order_that_the_supply_takes(supply):
+    supply.voltage_v = 330
+    supply.protect(overvoltage_v=300, undervoltage_v=228, current_a=0.1)
+    assert (supply.overvoltage_v, supply.undervoltage_v, supply.voltage_v) == (300, 228, 240)
+
+
+def test_nothing_is_sent_out_of_range(scripted):
+    with pytest.raises(LimitError, match="voltage_v 631 V is outside 0 to 630 V; nothing was sent"):
+        Genesys(scripted([])).voltage_v = 631
+
+
+def test_unit_that_is_not_chosen_stays_silent(firmware, played):
+    assert played(firmware, b"OUT?\r") == b""
+    assert played(firmware, b"ADR 6\r") == b"OK\r"
+    assert played(firmware, b"OUT?\r") == b"OFF\r"
+    assert played(firmware, b"ADR 7\r") == b""
+    assert played(firmware, b"OUT?\r") == b""
+
+
+def test_backspace_line_feed_and_repetition(firmware, played):
+    assert played(firmware, b"ADR 6\rPV 28\x08\x0890\r\n") == b"OK\rOK\r"
+    assert played(firmware, b"PV?\r") == b"90\r"
+    assert played(firmware, b"\\\r") == b"90\r"
+
+
+def test_unsolicited_messages_are_sorted_from_replies(supply, interlock):
+    supply.enable_events(Fault.INTERLOCK, Status(0))
+    supply.link.write(b"OUT?\r")
+    interlock.closed = False
+    assert supply.link.read_until(b"\r") == b"!06\r"
+    assert supply.link.read_until(b"\r") == b"OFF\r"
+    interlock.closed = True
+    assert supply.fault_events() is Fault.INTERLOCK
+    interlock.closed = False
+    assert not supply.output
+    assert supply.unsolicited == 1
+    assert supply.fault_events() is Fault.INTERLOCK
+    assert supply.fault_events() == Fault(0)
+
+
+def test_foldback_shuts_the_output_down(supply, clock):
+    supply.voltage_v = 290
+    supply.current_a = 0.005
+    supply.foldback_delay = 5
+    supply.switch(on=True)
+    clock.sleep(2)
+    assert supply.mode == "CC"
+    supply.foldback = True
+    clock.sleep(0.6)
+    assert supply.output
+    clock.sleep(0.2)
+    assert not supply.output
+    assert supply.fault is Fault.FOLDBACK
+    supply.switch(on=False)
+    supply.current_a = 0.1
+    supply.switch(on=True)
+    assert supply.fault == Fault(0)
+
+
+def test_late_reply_does_not_answer_the_next_message(scripted):
+    link = scripted(
+        [
+            (b"MV?\r", b""),
+            (b"ADR 6\r", b"123.45\r"),  # late; then what the supply says to ADR and IDN?
+            (b"IDN?\r", b"OK\rLAMBDA,GEN600-1.3\r"),
+            (b"MV?\r", b"290.01\r"),
+        ]
+    )
+    assert Genesys(link).measured_v == 290.01
+
+
+def test_three_tries_then_a_timeout(scripted):
+    link = scripted([(b"MV?\r", b""), (b"ADR 6\r", b""), (b"ADR 6\r", b"")])
+    with pytest.raises(Timeout, match=r"no answer within 0\.5 s"):
+        _ = Genesys(link).measured_v
+
+
+def test_another_device_is_refused(scripted):
+    link = scripted([(b"\r", b""), (b"ADR 6\r", b"OK\r"), (b"IDN?\r", b"SRS,DG645,1,2\r")])
+    with pytest.raises(ProtocolError, match="another device answers"):
+        Genesys(link).open()
+
+
+def test_rating_from_the_name():
+    assert parse_rating("LAMBDA,GEN600-1.3") == (600, 1.3)
+    assert parse_rating("LAMBDA,GEN300-2.5") == (300, 2.5)
+
+
+def test_address_out_of_range(scripted):
+    with pytest.raises(LimitError, match="address 31 is outside 0 to 30"):
+        Genesys(scripted([]), address=31)

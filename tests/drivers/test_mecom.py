@@ -1,0 +1,332 @@
+"""MeCom: every telegram of the protocol sheet, both directions, and driver with firmware."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from drivers.errors import DeviceFault, LimitError, ProtocolError, Timeout
+from drivers.mecom import Tec
+from drivers.mecom_parameters import DeviceStatus, OutputEnable, Stability
+from drivers.mecom_session import MeCom
+from drivers.mecom_wire import crc16, decode, decode_float, decode_int, encode, encode_float, encode_int
+from sim.firmware.mecom import TecFirmware
+
+PRINTED = [
+    (b"#0015AA?IF62AE\r", b"!0015AA8065-TEC SW G01     7199\r"),
+    (b"#0015AB?VR0064018000\r", b"!0015AB000004411DBD\r"),
+    (b"#0015AC?VR0066018125\r", b"!0015AC000000706F2C\r"),
+    (b"#0015AB?VR03E801C21A\r", b"!0015AB41CD2F28D5C2\r"),
+    (b"#0015B0VS0BB80141AE0000C482\r", b"!0015B0C482\r"),
+    (b"#0015AEVS07DA01000000028F97\r", b"!0015AE8F97\r"),
+    (b"#00BDE2RS9780\r", b"!00BDE29780\r"),
+]
+COMPUTED = [
+    (b"#01A001?VR006801EC38\r", b"!01A00100000002435C\r"),
+    (b"#01A002?VR03E8016A8C\r", b"!01A00241B851EC078A\r"),
+    (b"#01A003VS0BB80141B80000482A\r", b"!01A003482A\r"),
+    (b"#01A004VS07DA0100000001BAF1\r", b"!01A004BAF1\r"),
+    (b"#01A005VS07DA0100000000BA32\r", b"!01A005BA32\r"),
+    (b"#01A006?VR04B00158E1\r", b"!01A00600000002F2F7\r"),
+    (b"#01A006?VR04B00158E1\r", b"!01A00600000001C294\r"),
+    (b"#01A007?VR006901A8B7\r", b"!01A007000000003996\r"),
+    (b"#01A008RS4C70\r", b"!01A0084C70\r"),
+    (b"#01A009ESE1A4\r", b"!01A009E1A4\r"),
+    (b"#01A00A?VR0BB801E238\r", b"!01A00A+05E8D6\r"),
+    (b"#01A00BVS080C01400000007573\r", b"!01A00B7573\r"),
+]
+LONE = [b"#0115AA?IF257D\r", b"!0115AC+057509\r", b"!01A003+076789\r"]
+
+
+class Block:
+    """A diode block that warms and cools at a fixed rate per ampere, with a leak to 21 degC."""
+
+    def __init__(self, clock, temperature_degc=21.0):
+        self.clock = clock
+        self.degc = temperature_degc
+        self.current_a = 0.0
+        self._since = 0.0
+
+    def temperature_degc(self):
+        elapsed = self.clock.now() - self._since
+        self._since = self.clock.now()
+        settled = 21.0 + 15.0 * self.current_a
+        self.degc = settled + (self.degc - settled) * math.exp(-elapsed / 60.0)
+        return self.degc
+
+    def sink_degc(self):
+        return 21.5
+
+    def drive(self, current_a):
+        self.temperature_degc()
+        self.current_a = current_a
+
+
+@pytest.fixture
+def block(clock):
+    return Block(clock)
+
+
+@pytest.fixture
+def firmware(clock, block):
+    return TecFirmware(clock, block)
+
+
+@pytest.fixture
+def tec(connect, firmware):
+    device = Tec(connect(firmware), first_sequence=0xFFF0)
+    device.open()
+    return device
+
+
+def test_check_sum_of_the_digits():
+    assert crc16(b"123456789") == 0x31C3
+
+
+@pytest.mark.parametrize(
+    ("value", "digits"),
+    [(23.0, "41B80000"), (25.0, "41C80000"), (22.34, "41B2B852"), (-40.0, "C2200000"), (25.648026, "41CD2F28")],
+)
+def test_floats_of_the_sheet(value, digits):
+    assert encode_float(value) == digits
+    assert decode_float(digits) == pytest.approx(value, rel=1e-7)
+
+
+def test_integers_are_twos_complement():
+    assert encode_int(-2) == "FFFFFFFE"
+    assert decode_int("FFFFFFFE") == -2
+
+
+@pytest.mark.parametrize(("telegram", "answer"), PRINTED + COMPUTED)
+def test_telegrams_are_taken_apart_and_made_again(telegram, answer):
+    sent, got = decode(telegram), decode(answer)
+    assert encode("#", sent.address, sent.sequence, sent.payload) == telegram
+    assert got.is_intact or got.acknowledges(sent.crc)
+    assert (got.address, got.sequence) == (sent.address, sent.sequence)
+
+
+@pytest.mark.parametrize("telegram", LONE)
+def test_telegrams_printed_alone(telegram):
+    frame = decode(telegram)
+    assert frame.is_intact
+    assert encode(frame.control, frame.address, frame.sequence, frame.payload) == telegram
+
+
+def test_printed_telegrams_by_the_firmware(clock, played):
+    class Constant(Block):
+        def temperature_degc(self):
+            return decode_float("41CD2F28")
+
+    firmware = TecFirmware(clock, Constant(clock), device_type=1089)
+    for telegram, answer in PRINTED:
+        assert played(firmware, telegram) == answer
+
+
+def test_computed_telegrams_by_the_firmware(clock, block, played):
+    firmware = TecFirmware(clock, block)
+    *_, watchdog = COMPUTED
+    assert played(firmware, watchdog[0]) == watchdog[1]
+    assert played(firmware, b"#01A00CVS080C0100000000" + f"{crc16(b'#01A00CVS080C0100000000'):04X}\r".encode()) != b""
+    for i in (2, 3, 0):
+        assert played(firmware, COMPUTED[i][0]) == COMPUTED[i][1]
+    assert played(firmware, COMPUTED[6][0]) == COMPUTED[6][1]
+    clock.sleep(300)
+    assert played(firmware, COMPUTED[5][0]) == COMPUTED[5][1]
+    block.temperature_degc = lambda: 23.04
+    for i in (1, 7, 4, 9, 8):
+        assert played(firmware, COMPUTED[i][0]) == COMPUTED[i][1]
+
+
+@pytest.mark.parametrize(
+    ("address", "telegram", "answer", "call"),
+    [
+        (0x00, *PRINTED[0], lambda m: m.request("?IF") == "8065-TEC SW G01     "),
+        (0x00, *PRINTED[1], lambda m: m.get(100) == 1089),
+        (0x00, *PRINTED[2], lambda m: m.get(102) == 112),
+        (0x00, *PRINTED[3], lambda m: m.get(1000) == pytest.approx(25.648026, rel=1e-7)),
+        (0x00, *PRINTED[4], lambda m: m.set(3000, 21.75) is None),
+        (0x00, *PRINTED[5], lambda m: m.set(2010, 2) is None),
+        (0x00, *PRINTED[6], lambda m: m.request("RS") == ""),
+        (0x01, *COMPUTED[0], lambda m: m.get(104) == 2),
+        (0x01, *COMPUTED[1], lambda m: m.get(1000) == pytest.approx(23.04, rel=1e-6)),
+        (0x01, *COMPUTED[2], lambda m: m.set(3000, 23.0) is None),
+        (0x01, *COMPUTED[3], lambda m: m.set(2010, 1) is None),
+        (0x01, *COMPUTED[4], lambda m: m.set(2010, 0) is None),
+        (0x01, *COMPUTED[5], lambda m: m.get(1200) == 2),
+        (0x01, *COMPUTED[6], lambda m: m.get(1200) == 1),
+        (0x01, *COMPUTED[7], lambda m: m.get(105) == 0),
+        (0x01, *COMPUTED[8], lambda m: m.request("RS") == ""),
+        (0x01, *COMPUTED[9], lambda m: m.request("ES") == ""),
+        (0x01, *COMPUTED[11], lambda m: m.set(2060, 2.0) is None),
+    ],
+)
+def test_telegrams_by_the_driver(scripted, address, telegram, answer, call):
+    session = MeCom(scripted([(telegram, answer)]), address, first_sequence=int(telegram[3:7], 16))
+    assert call(session)
+
+
+@pytest.mark.parametrize(
+    ("telegram", "answer", "code"),
+    [(COMPUTED[10][0], COMPUTED[10][1], 5), (b"#01A003VS0BB80141B80000482A\r", b"!01A003+076789\r", 7)],
+)
+def test_refusals(scripted, telegram, answer, code):
+    session = MeCom(scripted([(telegram, answer)]), 1, first_sequence=int(telegram[3:7], 16))
+    with pytest.raises(DeviceFault) as refused:
+        session.request(decode(telegram).payload)
+    assert refused.value.code == code
+
+
+def test_acknowledgement_must_carry_the_commands_check_sum(scripted):
+    telegram = COMPUTED[2][0]
+    own = encode("!", 1, 0xA003, "")
+    session = MeCom(scripted([(telegram, own)] * 3), 1, first_sequence=0xA003)
+    with pytest.raises(ProtocolError, match="spoilt answer"):
+        session.set(3000, 23.0)
+
+
+def test_a_retry_uses_the_same_number_and_late_answers_are_dropped(scripted, clock):
+    first, answer = COMPUTED[7]
+    second = encode("#", 1, 0xA008, "?VR04B001")
+    session = MeCom(
+        scripted(
+            [
+                (first, b""),
+                (first, answer[:-3] + b"0\r"),  # spoilt
+                (first, answer),
+                (second, answer + encode("!", 2, 0xA008, "00000002") + encode("!", 1, 0xA008, "00000001")),
+            ]
+        ),
+        1,
+        first_sequence=0xA007,
+    )
+    assert session.get(105) == 0
+    assert session.get(1200) == 1
+    assert clock.now() > 2.0
+
+
+def test_no_answer_to_three_tries(scripted):
+    session = MeCom(scripted([(COMPUTED[7][0], b"")] * 3), 1, first_sequence=0xA007)
+    with pytest.raises(Timeout, match="no answer to"):
+        session.get(105)
+
+
+def test_sequence_number_wraps(scripted):
+    one, two = (encode("#", 1, n, "?VR006901") for n in (0xFFFF, 0))
+    session = MeCom(
+        scripted([(one, encode("!", 1, 0xFFFF, "00000000")), (two, encode("!", 1, 0, "00000000"))]),
+        1,
+        first_sequence=0xFFFF,
+    )
+    assert session.get(105) == session.get(105) == 0
+
+
+def test_warm_up_to_stable(tec, firmware, clock, block):
+    tec.regulate(23.0)
+    status = tec.status()
+    assert (status.regulating, status.stable, status.target_degc, status.problem) == (True, False, 23.0, "")
+    assert tec.device_status is DeviceStatus.RUN
+    assert clock.wait(lambda: firmware.loop.stability is Stability.STABLE, 300)
+    assert tec.status().stable
+    assert tec.temperature_degc == pytest.approx(23.0, abs=0.1)
+    tec.off()
+    assert tec.output_enable is OutputEnable.OFF
+    assert block.current_a == 0
+    assert not tec.status().regulating
+    assert firmware.memory.flash_writes == 0
+
+
+def test_no_timer_runs_while_the_output_is_off(tec, clock):
+    tec.regulate(23.0)
+    tec.close()
+    assert clock._next_due() is None
+
+
+def test_settings_reach_the_flash_only_when_saving_is_on(tec, firmware, clock):
+    tec.kp = 12.0
+    clock.sleep(1)
+    assert firmware.memory.flash_writes == 0
+    tec.flash_saving_off = False
+    tec.kp, tec.ti_s = 13.0, 50.0
+    clock.sleep(1)
+    assert firmware.memory.flash_writes == 1
+    tec.reset()
+    assert (tec.kp, tec.ti_s) == (13.0, 50.0)
+    assert tec.flash_saving_off
+
+
+def test_threshold_trips_and_reset_leaves_the_error(tec, clock):
+    tec.upper_threshold_degc = 22.0
+    tec.regulate(25.0)
+    clock.sleep(120)
+    status = tec.status()
+    assert status.problem == "error 138: object temperature above threshold"
+    assert not status.regulating
+    with pytest.raises(DeviceFault, match="error 138"):
+        tec.regulate(23.0)
+    tec.off()
+    tec.reset()
+    tec.regulate(21.5)
+    assert tec.status().problem == ""
+
+
+def test_watchdog_stops_the_output_of_a_silent_host(connect, firmware, clock, block):
+    tec = Tec(connect(firmware), watchdog_s=2.0)
+    tec.open()
+    tec.regulate(23.0)
+    for _ in range(10):
+        clock.sleep(1.0)
+        assert tec.status().regulating
+    clock.sleep(2.1)
+    assert block.current_a == 0
+    assert tec.status().problem == "error 183: communication watchdog expired"
+
+
+def test_emergency_stop(tec, block):
+    tec.regulate(23.0)
+    tec.emergency_stop()
+    assert block.current_a == 0
+    assert tec.status().problem == "error 11: emergency stop"
+
+
+def test_not_stable_in_time(tec, clock):
+    tec.stable_longest_s = 5.0
+    tec.regulate(60.0)
+    clock.sleep(10)
+    assert tec.error_number == 182
+
+
+@pytest.mark.parametrize(
+    ("payload", "code"),
+    [
+        ("?VR006402", 8),
+        ("?VR000101", 5),
+        ("?VR0064", 4),
+        ("VS03E80141B80000", 6),
+        ("VS07DA0100000009", 7),
+        ("VS0BB801FFC00000", 7),
+        ("VS0BB80141B8", 4),
+        ("?XY", 1),
+        ("RS1", 4),
+    ],
+)
+def test_refusal_codes(tec, payload, code):
+    with pytest.raises(DeviceFault) as refused:
+        tec.session.request(payload)
+    assert refused.value.code == code
+
+
+def test_nothing_is_sent_out_of_range(scripted):
+    with pytest.raises(LimitError, match="is outside 0 to 4"):
+        Tec(scripted([])).current_limit_a = 4.5
+
+
+def test_spoilt_and_foreign_frames_get_no_answer(firmware, played):
+    assert played(firmware, b"#01A007?VR006901A8B8\r") == b""
+    assert played(firmware, encode("#", 2, 1, "?VR006901")) == b""
+    assert played(firmware, encode("#", 0xFF, 1, "ES")) == b""
+    assert played(firmware, b"\xff#01A0" + COMPUTED[7][0]) == encode("!", 1, 0xA007, "0000000B")
+
+
+def test_several_values_at_once(tec):
+    assert tec.session.request("?VX02006401006801") == "0000044300000001"
