@@ -1,0 +1,1 @@
+"""The command `picoradar`: one module a subcommand. The only room that may put the simulated bench together."""

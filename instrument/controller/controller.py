@@ -139,7 +139,7 @@ class Controller:
                 self._supervisor.look_at_all(emitting=True)
                 line = job.take_line(row, self.bench.galvo, self.bench.sampler, self._between_places)
                 self._check_reference(line)
-                store.append(line)
+                store.append(line, acknowledged_at_s=self.bench.clock.now())
                 outcome.count(line)
                 self._hand_on(line, listeners)
         except _EndScan as end:
@@ -153,8 +153,7 @@ class Controller:
             raise
         self._leave_light(outcome, began_s)
         self._machine.go("end_scan")
-        store.event(self.bench.clock.now(), "safe state", **outcome.safe.steps)
-        store.finish(outcome.stop_reason, laser_off_verified=outcome.safe.laser_off_verified)
+        self._write_end(store, outcome)
         return outcome
 
     def acknowledge(self) -> str:
@@ -286,10 +285,18 @@ class Controller:
     def _close_store(self, store: LineStore, outcome: ScanOutcome) -> None:
         """Write down a failed scan as far as the store can; the failure that ended the scan is the one to raise."""
         try:
-            store.event(self.bench.clock.now(), "safe state", **outcome.safe.steps)
-            store.finish(outcome.stop_reason, laser_off_verified=outcome.safe.laser_off_verified)
+            self._write_end(store, outcome)
         except Exception as error:  # noqa: BLE001 - must not hide the failure that is being raised
             self._log.error("the end of the scan could not be recorded", error=repr(error))
+
+    def _write_end(self, store: LineStore, outcome: ScanOutcome) -> None:
+        store.event(self.bench.clock.now(), "safe state", state=self.state, **outcome.safe.steps)
+        store.finish(
+            outcome.stop_reason,
+            laser_off_verified=outcome.safe.laser_off_verified,
+            device_time_s=outcome.device_time_s,
+            flags=dict(outcome.flags),
+        )
 
     def _stop_asked(self) -> bool:
         asked = [self._requests.get() for _ in range(self._requests.qsize())]

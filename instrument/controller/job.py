@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -35,13 +35,13 @@ class ScanJob(Protocol):
 class LineStore(Protocol):
     """Where lines become durable (`instrument.recording.Recording`)."""
 
-    def append(self, line: ScanLine) -> None:
+    def append(self, line: ScanLine, *, acknowledged_at_s: float | None = None) -> None:
         """Store a line; it is safe on disk when this returns."""
 
-    def event(self, time_s: float, kind: str, **fields: Any) -> None:
+    def event(self, time_s: float, kind: str, *, state: str | None = None, **fields: object) -> None:
         """Store what happened."""
 
-    def finish(self, stop_reason: str, **fields: Any) -> None:
+    def finish(self, stop_reason: str, laser_off_verified: bool, **summary: object) -> bool:
         """Close the record of the scan."""
 
 

@@ -1,0 +1,104 @@
+"""What the demo does after the scan: register it, compare with the hidden truth, fill the report folder."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from instrument.cli.register import describe
+from instrument.cli.simulated import Simulated, checked_simulation
+from instrument.recording import Recording
+from instrument.report import write_report
+from instrument.settings import Settings, to_toml
+from registration import Registration, pose_error, prepare_model, register
+
+
+@dataclass(frozen=True)
+class Found:
+    """A registered scan of the simulated bench.
+
+    Attributes
+    ----------
+    registration : Registration
+    described : dict
+        The same by the keys of the command's contract.
+    truth_error : dict
+        ``rotation_deg``; ``translation_mm`` of the middle of the cloud; ``tre_mm``, the largest shift of any of its
+        points.
+    landmarks : list of dict
+        Pairs that the registration started from.
+    model : (V, 3) and (F, 3) arrays
+    """
+
+    registration: Registration
+    described: dict[str, Any]
+    truth_error: dict[str, float]
+    landmarks: list[dict[str, Any]]
+    model: tuple[NDArray[np.float64], NDArray[np.int64]]
+
+
+def register_scan(simulated: Simulated, recording: Path, method: Literal["robust", "dissertation"]) -> Found:
+    """Register a recorded scan from clicked landmarks and compare the pose with the true one."""
+    with Recording.open(recording) as scan:
+        cloud = scan.cloud().with_range()
+    landmarks = simulated.landmarks()
+    began = time.perf_counter()
+    model = prepare_model(*simulated.model)
+    prepared = time.perf_counter()
+    result = register(
+        cloud.points_mm,
+        model,
+        start=landmarks,
+        covariance=cloud.covariance_mm2,
+        response_mv=cloud.response_mv,
+        grid=cloud.grid,
+        method=method,
+        targets=[{"name": pair["name"], "position": pair["model"]} for pair in landmarks],
+    )
+    done = time.perf_counter()
+    return Found(
+        registration=result,
+        described=describe(result, prepare_ms=(prepared - began) * 1e3, register_ms=(done - prepared) * 1e3),
+        truth_error=_truth_error(result.model_from_scanner, simulated.model_from_scanner, cloud.points_mm),
+        landmarks=landmarks,
+        model=simulated.model,
+    )
+
+
+def _truth_error(
+    estimate: NDArray[np.float64], truth: NDArray[np.float64], points_mm: NDArray[np.float64]
+) -> dict[str, float]:
+    in_model = points_mm @ truth[:3, :3].T + truth[:3, 3]
+    found = points_mm @ estimate[:3, :3].T + estimate[:3, 3]
+    error = pose_error(estimate, truth, in_model.mean(axis=0))
+    return {
+        "rotation_deg": error.rotation_deg,
+        "translation_mm": error.translation_mm,
+        "tre_mm": float(np.linalg.norm(found - in_model, axis=1).max()),
+    }
+
+
+def write_folder(folder: Path, settings: Settings, found: Found, result: dict[str, Any], *, passed: bool) -> None:
+    """Write the report and, beside it, all that is needed to do each step again by hand."""
+    import trimesh
+
+    vertices, faces = found.model
+    (folder / "settings.toml").write_text(to_toml(settings, checked_simulation(settings)), encoding="utf-8")
+    (folder / "landmarks.json").write_text(json.dumps(found.landmarks, indent=1) + "\n", encoding="utf-8")
+    trimesh.Trimesh(vertices, faces, process=False).export(folder / "model.stl")
+    with Recording.open(folder / "scan.db") as recording:
+        write_report(
+            folder,
+            recording=recording,
+            registration=found.registration,
+            model_vertices=vertices,
+            model_faces=faces,
+            truth_error=found.truth_error,
+            summary={**result, "passed": passed},
+        )

@@ -1,0 +1,94 @@
+"""Entry point of the command: subcommands, and one place that turns every failure into a line and an exit status."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from typing import Annotated
+
+import click
+import typer
+
+from instrument.cli import output
+
+app = typer.Typer(
+    name="picoradar",
+    help="Run a picosecond pulsed laser radar (real or simulated) and register what it sees to a bone model.\n\n"
+    "Start with: picoradar demo",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+
+
+@app.callback()
+def common(verbose: Annotated[bool, typer.Option("--verbose", help="Log every event to stderr.")] = False) -> None:
+    """Options before the subcommand."""
+    from instrument import events
+
+    events.configure(logging.INFO if verbose else logging.WARNING)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command and end the process with the exit status of the contract."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    sys.exit(run(arguments))
+
+
+def run(arguments: list[str]) -> int:
+    """Run the command and return its exit status; failures become one line on stderr (and JSON where asked)."""
+    try:
+        code = app(args=arguments, standalone_mode=False, prog_name="picoradar")
+        return code if isinstance(code, int) else output.EXIT_DONE
+    except click.exceptions.Exit as end:
+        return end.exit_code
+    except click.ClickException as error:
+        return _failed(arguments, output.EXIT_BAD_INPUT, _usage(error))
+    except (KeyboardInterrupt, click.exceptions.Abort):
+        return _failed(arguments, output.EXIT_INTERRUPTED, "interrupted")
+    except Exception as error:
+        code = exit_status(error)
+        if code is None:
+            raise
+        return _failed(arguments, code, str(error))
+
+
+def exit_status(error: Exception) -> int | None:
+    """Get the exit status of the contract for a known failure; None for a defect of the program."""
+    from drivers.errors import DeviceError, LimitError
+    from instrument.errors import PicoradarError
+    from instrument.recording import RecordingError
+    from registration.errors import RegistrationError
+
+    if isinstance(error, PicoradarError):
+        return error.exit_status
+    if isinstance(error, (LimitError, RegistrationError, RecordingError)):
+        return output.EXIT_BAD_INPUT
+    if isinstance(error, DeviceError):
+        return output.EXIT_DEVICE
+    return None
+
+
+def _usage(error: click.ClickException) -> str:
+    context = getattr(error, "ctx", None)
+    hint = f"; see: {context.command_path} --help" if context is not None else ""
+    return error.format_message().rstrip(".") + hint
+
+
+def _failed(arguments: list[str], code: int, message: str) -> int:
+    line = " ".join(message.split())
+    sys.stderr.write(f"picoradar: {line}\n")
+    if "--json" in arguments:
+        output.print_json({"error": line, "exit_status": code})
+    return code
+
+
+def _register_subcommands() -> None:
+    from instrument.cli import demo, export, info, laser_class, register, scan
+
+    for module in (demo, scan, info, export, register, laser_class):
+        module.add_to(app)
+
+
+_register_subcommands()

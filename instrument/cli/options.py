@@ -1,0 +1,134 @@
+"""Options that several subcommands share, and how they change the settings."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from instrument.errors import BadInput
+from instrument.settings import Settings, load_settings, override
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else there.")]
+Seed = Annotated[int | None, typer.Option(help="Root seed of the simulated bench: same seed, same data.", min=0)]
+SettingsFile = Annotated[
+    Path | None, typer.Option("--settings", help="Settings file (TOML); without it the built-in simulated bench.")
+]
+Target = Annotated[str | None, typer.Option(help="hip, prism, gray, plate, step or a mesh file (simulated bench).")]
+TargetPose = Annotated[
+    str | None, typer.Option(help="Where the target stands: x,y,z,rx,ry,rz in mm and degrees (simulated bench).")
+]
+DistanceMm = Annotated[float | None, typer.Option(help="Distance of the raster's plane, mm.")]
+Grid = Annotated[str | None, typer.Option(help="Raster as ROWSxCOLUMNS, for example 40x40.")]
+StepMm = Annotated[float | None, typer.Option(help="Distance of neighbouring points, mm.")]
+Averages = Annotated[int | None, typer.Option(help="Sweeps averaged into one record.")]
+PrfHz = Annotated[float | None, typer.Option(help="Pulse repetition frequency, Hz.")]
+Mode = Annotated[str | None, typer.Option(help="How the trace is sampled: sweep (the whole trace).")]
+Estimator = Annotated[str | None, typer.Option(help="How a trace becomes a range: half-maximum.")]
+Speed = Annotated[str, typer.Option(help="Pace of the simulated bench: max, 1 (real time) or a factor.")]
+
+
+def scan_settings(
+    settings_file: Path | None,
+    *,
+    seed: int | None,
+    target: str | None,
+    target_pose: str | None,
+    distance_mm: float | None,
+    grid: str | None,
+    step_mm: float | None,
+    averages: int | None,
+    prf_hz: float | None,
+    mode: str | None,
+    estimator: str | None,
+) -> Settings:
+    """Read the settings file, if any, and let the options of the command line win over it.
+
+    Raises
+    ------
+    BadInput
+        Naming file or option, value and what is allowed.
+    """
+    settings = Settings() if settings_file is None else load_settings(settings_file)
+    rows, columns = parse_grid(grid) if grid is not None else (None, None)
+    simulation: dict[str, Any] = {"target": target, "target_pose": parse_pose(target_pose), "distance_mm": distance_mm}
+    if settings.bench != "simulated" and (target or target_pose):
+        raise BadInput(
+            "--target and --target-pose place the target of the simulated bench; this settings file has real devices"
+        )
+    return override(
+        settings,
+        {
+            "": {"seed": seed},
+            "pulser": {"prf_hz": prf_hz},
+            "scan": {
+                "rows": rows,
+                "columns": columns,
+                "step_mm": step_mm,
+                "distance_mm": distance_mm,
+                "averages": averages,
+                "mode": mode,
+                "estimator": estimator,
+            },
+            "simulation": simulation if settings.bench == "simulated" else {},
+        },
+    )
+
+
+def parse_grid(text: str) -> tuple[int, int]:
+    """Read ``40x40`` as rows and columns.
+
+    Raises
+    ------
+    BadInput
+    """
+    match = re.fullmatch(r"\s*(\d+)\s*[xX×]\s*(\d+)\s*", text)
+    if match is None:
+        raise BadInput(f"--grid {text!r}: not ROWSxCOLUMNS; write for example --grid 40x40")
+    return int(match[1]), int(match[2])
+
+
+def parse_pose(text: str | None) -> list[float] | None:
+    """Read ``x,y,z,rx,ry,rz`` (mm, degrees).
+
+    Raises
+    ------
+    BadInput
+    """
+    return None if text is None else parse_numbers(text, 6, "--target-pose", "x,y,z,rx,ry,rz in mm and degrees")
+
+
+def parse_numbers(text: str, count: int, option: str, form: str) -> list[float]:
+    """Read ``count`` numbers separated by commas.
+
+    Raises
+    ------
+    BadInput
+    """
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count or not all(abs(n) < 1e9 for n in numbers):
+        raise BadInput(f"{option} {text!r}: not {count} numbers; give {form}")
+    return numbers
+
+
+def parse_speed(text: str) -> float | None:
+    """Read ``max`` (None) or a positive factor.
+
+    Raises
+    ------
+    BadInput
+    """
+    if text == "max":
+        return None
+    try:
+        factor = float(text)
+    except ValueError:
+        factor = 0.0
+    if not 0 < factor < float("inf"):
+        raise BadInput(f"--speed {text!r}: give max, 1 or a positive factor")
+    return factor

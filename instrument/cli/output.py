@@ -1,0 +1,60 @@
+"""What a subcommand prints: for people on a terminal, or one JSON object on stdout; all else goes to stderr."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
+
+EXIT_DONE = 0
+EXIT_NOT_ACCEPTED = 1
+EXIT_BAD_INPUT = 2
+EXIT_DEVICE = 3
+EXIT_STOPPED = 4
+EXIT_INTERRUPTED = 130
+
+
+def print_json(result: Mapping[str, Any]) -> None:
+    """Print one JSON object, and nothing else, on stdout; numbers that could not be had become null."""
+    from instrument.recording.header import plain
+
+    sys.stdout.write(json.dumps(plain(result), allow_nan=False) + "\n")
+    sys.stdout.flush()
+
+
+def console() -> Console:
+    """Get the console for people; it writes to stderr, so that stdout stays for results."""
+    from rich.console import Console
+
+    return Console(stderr=True, highlight=False)
+
+
+def print_table(title: str, rows: Mapping[str, Any]) -> None:
+    """Print a small two-column table on stdout."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title, show_header=False, title_justify="left", title_style="bold")
+    for name, value in rows.items():
+        table.add_row(name, str(value))
+    Console(highlight=False).print(table)
+
+
+def progress() -> Progress:
+    """Get a progress display on stderr; it stays silent where stderr is no terminal."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[note]}"),
+        console=console(),
+        transient=False,
+    )

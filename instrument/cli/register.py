@@ -1,0 +1,171 @@
+"""``picoradar register``: a recording or a point file to a mesh."""
+
+from __future__ import annotations
+
+import json as jsonlib
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from instrument.cli import output
+from instrument.cli.options import Json, parse_numbers
+from instrument.errors import BadInput
+
+if TYPE_CHECKING:
+    from instrument.point_files import PointFile
+    from registration import Registration
+
+Method = Annotated[str, typer.Option(help="robust, or dissertation (ICP of the thesis; needs landmarks or a pose).")]
+Start = Annotated[str, typer.Option(help="any, landmarks, or a JSON file with a 4x4 model_from_scanner.")]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the subcommand."""
+    app.command(
+        epilog="Examples: picoradar register scan.db hip.stl --landmarks clicks.json\n\n"
+        "picoradar register cloud.csv hip.stl --scanner-origin 0,0,0 --json"
+    )(register)
+
+
+def register(
+    cloud: Annotated[Path, typer.Argument(help="Recording, or points as .ply .csv .xyz .npz (mm).")],
+    model: Annotated[Path, typer.Argument(help="Mesh as .stl .ply .obj .glb .vtp (mm).")],
+    landmarks: Annotated[
+        Path | None, typer.Option(help='JSON list of {"scanner": [x,y,z], "model": [x,y,z], "name": ...}.')
+    ] = None,
+    targets: Annotated[
+        Path | None, typer.Option(help='JSON list of {"position": [x,y,z], "name": ...}, model frame, mm.')
+    ] = None,
+    exclude: Annotated[
+        Path | None, typer.Option(help='JSON list of {"center": [x,y,z], "radius_mm": r}, model frame.')
+    ] = None,
+    scanner_origin: Annotated[str | None, typer.Option(help="Where the beams came from: x,y,z in mm.")] = None,
+    noise_mm: Annotated[
+        float | None, typer.Option(help="Range noise of a point, mm; estimated when not given.")
+    ] = None,
+    method: Method = "robust",
+    start: Start = "any",
+    json: Json = False,
+) -> None:
+    """Find the pose of a scanned cloud in a model, and say how far to trust it."""
+    import registration as reg
+    from instrument.point_files import read_points
+
+    points = read_points(cloud)
+    began = time.perf_counter()
+    prepared = reg.load_model(model)
+    prepared_at = time.perf_counter()
+    origin = (
+        points.origin if scanner_origin is None else parse_numbers(scanner_origin, 3, "--scanner-origin", "x,y,z in mm")
+    )
+    result = reg.register(
+        points.points,
+        prepared,
+        start=read_start(start, landmarks),
+        origin=(0.0, 0.0, 0.0) if origin is None else origin,
+        covariance=points.covariance,
+        response_mv=points.response_mv,
+        grid=points.grid,
+        method=checked_method(method),
+        targets=read_list(targets, "--targets"),
+        noise_mm=noise_mm,
+        exclude=read_list(exclude, "--exclude"),
+    )
+    done = time.perf_counter()
+    described = describe(result, prepare_ms=(prepared_at - began) * 1e3, register_ms=(done - prepared_at) * 1e3)
+    if json:
+        output.print_json(described)
+    else:
+        show(points, result)
+    if result.verdict == "fail":
+        raise typer.Exit(output.EXIT_NOT_ACCEPTED)
+
+
+def describe(result: Registration, *, prepare_ms: float, register_ms: float) -> dict[str, Any]:
+    """Describe a registration by the keys of the command's contract."""
+    return {**result.to_dict(), "prepare_ms": round(prepare_ms, 3), "register_ms": round(register_ms, 3)}
+
+
+def checked_method(text: str) -> Literal["robust", "dissertation"]:
+    """Check the name of the method.
+
+    Raises
+    ------
+    BadInput
+    """
+    if text == "robust":
+        return "robust"
+    if text == "dissertation":
+        return "dissertation"
+    raise BadInput(f"--method {text!r}: give robust or dissertation")
+
+
+def read_list(path: Path | None, option: str) -> list[dict[str, Any]] | None:
+    """Read a JSON file that holds a list of objects.
+
+    Raises
+    ------
+    BadInput
+        With file and finding.
+    """
+    if path is None:
+        return None
+    content = _read_json(path, option)
+    if not isinstance(content, list) or not all(isinstance(entry, dict) for entry in content):
+        raise BadInput(f"{option} {path}: a JSON list of objects is needed; see picoradar register --help")
+    return content
+
+
+def read_start(start: str, landmarks: Path | None) -> Any:
+    """Turn ``--start`` and ``--landmarks`` into what `registration.register` takes.
+
+    Raises
+    ------
+    BadInput
+        When they contradict each other or a file does not hold what it should.
+    """
+    pairs = read_list(landmarks, "--landmarks")
+    if pairs is not None and start in ("any", "landmarks"):
+        return pairs
+    if start == "any":
+        return "any"
+    if start == "landmarks":
+        raise BadInput("--start landmarks: no landmarks given; add --landmarks FILE")
+    if pairs is not None:
+        raise BadInput("--start FILE and --landmarks FILE exclude each other; give one of them")
+    pose = _read_json(Path(start), "--start")
+    if isinstance(pose, dict):
+        pose = pose.get("model_from_scanner")
+    if not (isinstance(pose, list) and len(pose) == 4 and all(isinstance(row, list) and len(row) == 4 for row in pose)):
+        raise BadInput(
+            f"--start {start}: no 4x4 matrix in it; give rows [[..4 numbers..], ...] or a result of register"
+        )
+    return pose
+
+
+def _read_json(path: Path, option: str) -> Any:
+    try:
+        return jsonlib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"{option} {path}: cannot be read: {error}") from error
+    except jsonlib.JSONDecodeError as error:
+        raise BadInput(f"{option} {path}: not valid JSON: {error}") from error
+
+
+def show(points: PointFile, result: Registration) -> None:
+    """Print a registration for people."""
+    rows: dict[str, Any] = {
+        "verdict": result.verdict,
+        "why": "\n".join(result.reasons),
+        "points used": f"{int(result.inliers.sum())} of {len(points.points)}",
+        "residual rms, mm": f"{result.rms_mm:.3f}",
+        "predicted rotation error, deg": f"{result.predicted_rotation_deg:.3f}",
+    }
+    for target in result.targets:
+        rows[f"predicted error at {target.name}, mm"] = f"{target.rms_mm:.3f} rms, {target.p95_mm:.3f} in 95 %"
+    for rival in result.rivals:
+        rows["rival pose"] = f"{rival.rotation_deg:.1f} deg, {rival.translation_mm:.1f} mm away"
+    rows["model_from_scanner"] = "\n".join(" ".join(f"{v:10.5f}" for v in row) for row in result.model_from_scanner)
+    output.print_table("registration", rows)

@@ -1,0 +1,187 @@
+"""One run of the radar from the command line: bench opened, diode warm, scan recorded, everything off again."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from drivers.clock import WallClock
+from drivers.interfaces import Identity, TemperatureStatus
+from instrument.calibration import Calibration
+from instrument.cli import output
+from instrument.cli.simulated import Simulated
+from instrument.controller import Controller, ScanOutcome
+from instrument.devices import make_bench
+from instrument.errors import BadInput, Interrupted
+from instrument.recording import Recording
+from instrument.scan import RasterScan
+from instrument.scan_line import ScanLine
+from instrument.settings import Settings
+
+
+@dataclass
+class Session:
+    """An open bench with its controller.
+
+    Attributes
+    ----------
+    settings : Settings
+    controller : Controller
+        Connected; the diode is cold.
+    identities : dict
+        Who answered.
+    calibration : Calibration
+        In force for this session.
+    simulated : Simulated or None
+        The simulated bench behind the links, if it is one.
+    """
+
+    settings: Settings
+    controller: Controller
+    identities: dict[str, Identity]
+    calibration: Calibration
+    simulated: Simulated | None
+
+
+@contextmanager
+def session(settings: Settings, speed: float | None) -> Iterator[Session]:
+    """Open the bench of the settings; leave it safe and closed on every way out.
+
+    While the session is open, Ctrl-C and SIGTERM ask the controller to end safely; a second one is an emergency off.
+    """
+    calibration = calibration_of(settings)
+    simulated = Simulated(settings, speed) if settings.bench == "simulated" else None
+    try:
+        if simulated is None:
+            bench = make_bench(settings.links, WallClock())
+        else:
+            bench = make_bench(simulated.links, simulated.clock, simulated.usb_backend)
+        controller = Controller(bench, settings)
+        with _signals_to(controller):
+            try:
+                yield Session(settings, controller, controller.connect(), calibration, simulated)
+            finally:
+                if controller.state in ("connected", "ready"):
+                    controller.shut_down()
+                elif controller.state == "fault":
+                    controller.acknowledge()
+    finally:
+        if simulated is not None:
+            simulated.close()
+
+
+def calibration_of(settings: Settings) -> Calibration:
+    """Load the calibration that the settings name, or the one that was measured on the simulated bench.
+
+    Raises
+    ------
+    BadInput
+        When real devices are to be used without one, or the file cannot be used.
+    """
+    if settings.calibration:
+        return Calibration.load(Path(settings.calibration))
+    if settings.bench != "simulated":
+        raise BadInput("settings: calibration is empty; real devices need the calibration file of this radar")
+    with resources.as_file(resources.files("instrument") / "data" / "simulated-bench.json") as path:
+        return Calibration.load(path)
+
+
+@contextmanager
+def _signals_to(controller: Controller) -> Iterator[None]:
+    asked = 0
+
+    def handle(_signal: int, _frame: FrameType | None) -> None:
+        nonlocal asked
+        asked += 1
+        controller.request("interrupt" if asked == 1 else "emergency off")
+
+    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def warm_up(run: Session) -> None:
+    """Warm the diode up, with a bar from where it starts to its target."""
+    target = run.settings.diode.target_degc
+    with output.progress() as bar:
+        task = bar.add_task("warm-up", total=100, note="")
+        first: list[float] = []
+
+        def watch(status: TemperatureStatus) -> None:
+            first[:1] = first[:1] or [status.temperature_degc]
+            way = abs(target - first[0]) or 1.0
+            done = 99 * (1 - min(1.0, abs(target - status.temperature_degc) / way))
+            bar.update(task, completed=100 if status.stable else done, note=f"{status.temperature_degc:.2f} degC")
+
+        run.controller.warm_up(watch)
+
+
+def record_scan(run: Session, path: Path) -> tuple[dict[str, Any], ScanOutcome]:
+    """Take one scan into a new recording and describe it by the keys of the contract.
+
+    Raises
+    ------
+    Interrupted
+        After the safe way out, when Ctrl-C or SIGTERM came; the lines so far are kept.
+    """
+    began = time.perf_counter()
+    bench = run.controller.bench
+    job = RasterScan(run.settings, run.calibration, bench.clock)
+    header = job.header(
+        run.identities,
+        seed=run.settings.seed if run.simulated is not None else None,
+        zero_code=bench.sampler.zero_code,
+        mv_per_code=bench.sampler.mv_per_code,
+    )
+    with Recording.create(path, header) as recording:
+        outcome = _scan_with_bar(run, job, recording)
+        result = describe_scan(run, job, recording, outcome)
+    result["wall_s"] = round(time.perf_counter() - began, 3)
+    if outcome.stop_reason == "interrupted":
+        safe = "laser off verified" if outcome.safe.laser_off_verified else str(outcome.safe)
+        raise Interrupted(f"interrupted; {safe}; {outcome.lines} lines kept in {path}")
+    return result, outcome
+
+
+def _scan_with_bar(run: Session, job: RasterScan, recording: Recording) -> ScanOutcome:
+    with output.progress() as bar:
+        task = bar.add_task("scan", total=len(job.rows), note="")
+
+        def show(line: ScanLine) -> None:
+            found = int(line.has_range.sum())
+            device_s = run.controller.bench.clock.now()
+            bar.update(task, advance=1, note=f"{found}/{len(line.flags)} points, device time {device_s:.0f} s")
+
+        return run.controller.scan(job, recording, [show])
+
+
+def describe_scan(run: Session, job: RasterScan, recording: Recording, outcome: ScanOutcome) -> dict[str, Any]:
+    """Describe a scan by the keys of the command's contract (without ``wall_s``)."""
+    scan, sweep = run.settings.scan, job.sweep
+    result: dict[str, Any] = {
+        "recording": str(recording.path),
+        "points": outcome.points,
+        "lines": outcome.lines,
+        "grid": [scan.rows, scan.columns],
+        "step_mm": scan.step_mm,
+        "mode": scan.mode,
+        "averages": scan.averages,
+        "device_time_s": round(outcome.device_time_s, 6),
+        "shot_limited_s": sweep.averages * sweep.samples * outcome.lines * scan.columns / sweep.prf_hz,
+        "flags": dict(outcome.flags),
+        "laser_off_verified": outcome.safe.laser_off_verified,
+        "stop_reason": outcome.stop_reason,
+    }
+    if run.simulated is not None:
+        result["truth"] = run.simulated.truth_of(recording.cloud())
+    return result

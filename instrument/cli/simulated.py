@@ -1,0 +1,113 @@
+"""The one place where the instrument meets the simulator: it puts the simulated bench together for the command."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ValidationError
+
+from drivers.clock import VirtualClock
+from instrument.errors import BadInput
+from instrument.recording import Cloud
+from instrument.settings import Links, Settings, describe_errors
+
+
+class Simulated:
+    """A simulated bench in this process, as the settings ask for it.
+
+    Parameters
+    ----------
+    settings : Settings
+        With ``bench = "simulated"``.
+    speed : float, optional
+        Factor of real time; None is as fast as the computer can.
+
+    Raises
+    ------
+    BadInput
+        When the ``[simulation]`` table is not allowed, or the target cannot be used.
+    """
+
+    def __init__(self, settings: Settings, speed: float | None) -> None:
+        from sim import SimulatedBench
+        from sim.settings import SimulationSettings
+
+        self.clock = VirtualClock(speed)
+        checked = checked_simulation(settings)
+        if not isinstance(checked, SimulationSettings):
+            raise TypeError("checked_simulation returned something else than simulation settings")
+        try:
+            self.bench = SimulatedBench(checked, seed=settings.seed, clock=self.clock)
+        except ValueError as error:
+            raise BadInput(str(error)) from error
+        self._columns = settings.scan.columns
+
+    @property
+    def links(self) -> Links:
+        """Get the links to the simulated devices."""
+        return Links(**self.bench.urls)
+
+    @property
+    def usb_backend(self) -> Any:
+        """Get the pyusb backend that finds the simulated USB devices."""
+        return self.bench.usb_backend
+
+    @property
+    def model_from_scanner(self) -> NDArray[np.float64]:
+        """Get the true pose, 4x4."""
+        return self.bench.truth.model_from_scanner
+
+    @property
+    def model(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Get vertices (V, 3) and faces (F, 3) of the target in its own frame, mm: the preoperative model."""
+        return self.bench.target.vertices, self.bench.target.faces
+
+    def landmarks(self) -> list[dict[str, Any]]:
+        """Get three landmark pairs as a person would click them: a few mm of error in the scan."""
+        return self.bench.clicked_landmarks()
+
+    def truth_of(self, cloud: Cloud) -> dict[str, Any]:
+        """Compare the ranges of a scan with the true ones of the same shots.
+
+        Returns
+        -------
+        dict
+            ``range_rms_mm``, ``range_bias_mm``, ``range_max_mm`` over all places with a range, and the true
+            ``model_from_scanner``.
+        """
+        found = cloud.with_range()
+        run_ids = found.rows.astype(np.int64) * self._columns + found.columns + 1
+        error = found.range_mm - self.bench.truth.ranges_mm(run_ids)
+        error = error[np.isfinite(error)]
+        some = error.size > 0
+        return {
+            "range_rms_mm": float(np.sqrt(np.mean(error**2))) if some else None,
+            "range_bias_mm": float(error.mean()) if some else None,
+            "range_max_mm": float(np.abs(error).max()) if some else None,
+            "model_from_scanner": self.model_from_scanner,
+        }
+
+    def close(self) -> None:
+        """Take the simulated ports away."""
+        self.bench.close()
+
+
+def checked_simulation(settings: Settings) -> BaseModel:
+    """Check the ``[simulation]`` table by the simulator's own model.
+
+    Raises
+    ------
+    BadInput
+        Naming key, value and what is allowed.
+    """
+    from sim.settings import SimulationSettings
+
+    table = {k: v for k, v in settings.simulation.items() if v is not None}
+    table.setdefault("distance_mm", settings.scan.distance_mm)
+    table.setdefault("field_deg", settings.scanner.field_deg)
+    try:
+        return SimulationSettings.model_validate(table)
+    except ValidationError as error:
+        raise BadInput("; ".join(describe_errors(error, "settings, [simulation]", ""))) from error

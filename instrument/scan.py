@@ -1,0 +1,156 @@
+"""A raster scan: beam to its place, record from the bridge, ranging, geometry, `ScanLine`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from drivers.clock import Clock
+from drivers.interfaces import Galvo, Identity, Record, Sampler, SweepSettings
+from instrument.calibration import Calibration
+from instrument.controller import Between
+from instrument.geometry import covariance_from, points_from, true_angles
+from instrument.ranging import estimate
+from instrument.raster import LinePlan, Raster
+from instrument.scan_line import ScanLine
+from instrument.settings import Settings
+
+
+class RasterScan:
+    """The raster of the settings in ``sweep`` mode: the whole trace at every place.
+
+    Each place has a run id of its own (its number in the raster, from 1), so that a place measured again is known to
+    be the same place, and a resumed scan goes on as an uninterrupted one would.
+
+    Parameters
+    ----------
+    settings : Settings
+    calibration : Calibration
+        Range zero, walk, geometry.
+    clock : Clock
+        For the mirrors' settling.
+    rows : sequence of int, optional
+        Lines to take; all by default.
+    """
+
+    def __init__(
+        self, settings: Settings, calibration: Calibration, clock: Clock, rows: Sequence[int] | None = None
+    ) -> None:
+        scan = settings.scan
+        self.settings = settings
+        self.calibration = calibration
+        self.clock = clock
+        self.raster = Raster(
+            rows=scan.rows,
+            columns=scan.columns,
+            step_mm=scan.step_mm,
+            distance_mm=scan.distance_mm,
+            field_deg=settings.scanner.field_deg,
+            separation_mm=calibration.mirror_separation_mm,
+            errors=calibration.scanner,
+        )
+        self._rows = range(scan.rows) if rows is None else rows
+
+    @property
+    def rows(self) -> Sequence[int]:
+        """Get the rows to take, in order."""
+        return self._rows
+
+    @property
+    def sweep(self) -> SweepSettings:
+        """Get how one record is sampled."""
+        sampler = self.settings.sampler
+        return SweepSettings(
+            start_ps=sampler.start_ps,
+            step_ps=sampler.step_ps,
+            samples=sampler.samples,
+            averages=self.settings.scan.averages,
+            settle_shots=sampler.settle_shots,
+            prf_hz=self.settings.pulser.prf_hz,
+        )
+
+    def header(
+        self, identities: Mapping[str, Identity], *, seed: int | None, zero_code: float, mv_per_code: float
+    ) -> dict[str, Any]:
+        """Get the header of the recording: all that one must know to use or repeat the scan."""
+        scan, sampler = self.settings.scan, self.settings.sampler
+        raster = ("rows", "columns", "step_mm", "distance_mm", "mode", "averages", "estimator")
+        return {
+            "raster": {key: getattr(scan, key) for key in raster},
+            "settings": self.settings.model_dump(),
+            "seed": seed,
+            "calibration": self.calibration.model_dump(mode="json"),
+            "calibration_digest": self.calibration.digest,
+            "scanner": {name: str(identity) for name, identity in identities.items()},
+            "trace": {
+                "start_ps": sampler.start_ps,
+                "step_ps": sampler.step_ps,
+                "samples": sampler.samples,
+                "zero_code": zero_code,
+                "mv_per_code": mv_per_code,
+            },
+        }
+
+    def run_id(self, row: int, column: int) -> int:
+        """Get the run id of a place: its number in the raster, from 1."""
+        return row * self.settings.scan.columns + column + 1
+
+    def take_line(self, row: int, galvo: Galvo, sampler: Sampler, between: Between) -> ScanLine:
+        """Take one line with the laser on.
+
+        Parameters
+        ----------
+        row : int
+        galvo, sampler
+            Open and configured; the gate is open.
+        between : callable
+            Called before each place; what it raises ends the line.
+
+        Raises
+        ------
+        DeviceError
+        """
+        plan = self.raster.line(row)
+        began_s = self.clock.now()
+        scanner = self.settings.scanner
+        galvo.move(int(plan.lead_in[0]), int(plan.lead_in[1]))
+        self.clock.sleep(scanner.flyback_settle_ms * 1e-3)
+        records: list[Record] = []
+        for column, (x_code, y_code) in zip(plan.columns, plan.codes, strict=True):
+            between()
+            galvo.move(int(x_code), int(y_code))
+            self.clock.sleep(scanner.settle_ms * 1e-3)
+            records += sampler.take(self.run_id(row, int(column)))
+        return self._line(plan, records, began_s)
+
+    def _line(self, plan: LinePlan, records: Sequence[Record], began_s: float) -> ScanLine:
+        first = records[0]
+        sums = np.stack([record.sums for record in records])
+        ranges = estimate(
+            (sums / first.sweeps - first.zero_code) * first.mv_per_code,
+            first.times_ps,
+            method=self.settings.scan.estimator,
+            calibration=self.calibration,
+            sweeps=first.sweeps,
+            clipped=np.array([record.clipped for record in records]),
+        )
+        angles_rad = true_angles(plan.angles_rad, self.calibration.scanner)
+        separation_mm = self.calibration.mirror_separation_mm
+        return ScanLine(
+            index=plan.row,
+            columns=plan.columns,
+            angles_rad=plan.angles_rad,
+            points_mm=points_from(angles_rad, ranges.range_mm, separation_mm),
+            covariance_mm2=covariance_from(
+                angles_rad, ranges.range_mm, ranges.variance_mm2, self.calibration.pointing_sd_rad, separation_mm
+            ),
+            range_mm=ranges.range_mm,
+            range_variance_mm2=ranges.variance_mm2,
+            response_mv=ranges.response_mv,
+            flags=ranges.flags,
+            sums=sums if self.settings.scan.keep_traces else None,
+            sweeps=first.sweeps,
+            device_time_s=began_s,
+        )
