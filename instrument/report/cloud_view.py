@@ -19,7 +19,7 @@ def draw_cloud(cloud: Cloud) -> Figure:
     found = cloud.with_range()
     lost = cloud.where(~cloud.has_range)
     x, y, _ = found.points_mm.T
-    size = max(2.0, min(60.0, 60_000 / max(len(cloud), 1) ** 1.05))
+    size = float(np.clip(215 / np.sqrt(len(cloud)), 1.0, 12.0)) ** 2  # points^2: about the distance of two places
     pictures = (
         ("range along the beam", found.range_mm, "mm", "viridis_r"),
         ("response (amplitude of the echo)", found.response_mv, "mV", "cividis"),
@@ -28,15 +28,17 @@ def draw_cloud(cloud: Cloud) -> Figure:
         tidy(axes, title, "x, mm (as seen from the scanner)", "y, mm")
         low, high = np.percentile(values, [1, 99]) if len(found) else (0.0, 1.0)
         drawn = axes.scatter(x, y, c=values, s=size, marker="s", cmap=colours, vmin=low, vmax=high, linewidths=0)
-        if len(lost):
-            span = len(found) > 3
-            places = _places_without_range(cloud) if span else np.empty((0, 2))
-            axes.plot(*places.T, "x", color="#cc1f1a", markersize=4, label=f"no echo: {len(lost)}")
-            axes.legend(loc="upper right", framealpha=0.9)
+        if len(lost) and len(found):
+            axes.plot(
+                *_places_without_range(cloud).T, "x", color="#cc1f1a", markersize=4, label=f"no range: {len(lost)}"
+            )
         axes.set_aspect("equal")
         axes.invert_xaxis()  # x points to the left of somebody who looks along +z with y up
         bar = figure.colorbar(drawn, ax=axes, shrink=0.85, extend="both")
         bar.set_label(unit, color=INK)
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, loc="outside lower center", frameon=False)
     return figure
 
 

@@ -22,10 +22,13 @@ _VERDICTS = {
     "caution": ("▲", "CAUTION", "A pose is found, but it must not be used without a second look."),
     "fail": ("✖", "FAILED", "The pose must not be used."),
 }
+_CLINIC = {"rotation_deg": 1.0, "translation_mm": 1.0}  # what the clinic asks for (dissertation, chapter 1)
 
 
-def banners(recording: Recording, registration: Registration | None) -> list[Banner]:
-    """Return what one sees first: the verdict, and a warning if the laser was not verified off."""
+def banners(
+    recording: Recording, registration: Registration | None, truth_error: Mapping[str, float] | None
+) -> list[Banner]:
+    """Return what one sees first: the verdict, and a warning if the laser was not verified off or the pose is wrong."""
     found = []
     if recording.laser_off_verified is False:
         what = "The read-back after the scan did not show the laser off. Check the bench before anybody comes near it."
@@ -35,6 +38,9 @@ def banners(recording: Recording, registration: Registration | None) -> list[Ban
         kind, symbol = ("plain", "✔") if recording.complete else ("caution", "▲")
         found.append(Banner(kind, symbol, word, [f"Ended: {recording.stop_reason or 'never closed'}. Not registered."]))
         return found
+    if truth_error is not None and not all(truth_error[name] <= limit for name, limit in _CLINIC.items()):
+        what = "The simulated bench knows the true pose: the error is above the clinic's 1 degree or 1 mm."
+        found.append(Banner("fail", "✖", "WRONG POSE", [what]))
     symbol, word, sentence = _VERDICTS[registration.verdict]
     found.append(Banner(registration.verdict, symbol, word, [sentence, *registration.reasons]))
     return found
@@ -81,7 +87,7 @@ def facts(
             (
                 f"predicted error at {target.name}",
                 f"{number(target.rms_mm, 'mm')} rms, {number(target.p95_mm, 'mm')} in 95 %, "
-                f"{number(target.bias_mm, 'mm')} more if all ranges are biased alike",
+                f"plus a bias of up to {number(target.bias_mm, 'mm')}",
             )
             for target in registration.targets
         ]
@@ -119,10 +125,10 @@ def worst_target(registration: Registration) -> Target | None:
 
 
 def number(value: float, unit: str) -> str:
-    """Return a number with three significant digits and its unit; what could not be had is a dash."""
+    """Return a number with its unit, to a thousandth where it is small; infinite means a motion that nothing holds."""
     if not math.isfinite(value):
-        return "not held"
-    digits = max(0, min(4, 2 - math.floor(math.log10(abs(value))))) if value else 2
+        return "without bound"
+    digits = 3 if abs(value) < 1 else 2 if abs(value) < 10 else 1
     return f"{value:.{digits}f}{'' if unit == '°' else ' '}{unit}"
 
 

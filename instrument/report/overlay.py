@@ -38,7 +38,7 @@ def draw_overlay(
     left, right = figure.subplots(1, 2)
     for axes, title, turn_deg, tilt_deg, frame in (
         (left, "as seen from the scanner", 0.0, 0.0, 1.15),
-        (right, "from the side, 50 degrees", 50.0, 18.0, 1.9),
+        (right, "from 35 degrees to the side", 35.0, 20.0, 1.9),
     ):
         view = _view(turn_deg, tilt_deg)
         _paint(
@@ -48,7 +48,7 @@ def draw_overlay(
             (points_mm[::every] - centre) @ view.T,
             kinds[::every],
             frame * reach,
-            0.011 * reach if len(points_mm) > 1000 else 0.016 * reach,
+            float(np.clip(0.45 * reach / np.sqrt(len(points_mm) / every), 0.006 * reach, 0.03 * reach)),
         )
         axes.set_title(title, color=INK, fontsize=11, loc="left")
     _legend(figure, kinds)
@@ -101,7 +101,7 @@ def _paint(
 
 def _corners(count: int, size: float) -> FloatArray:
     angles = np.pi / 2 + 2 * np.pi * np.arange(count) / count + (np.pi / 4 if count == 4 else 0.0)
-    grown = size * (1.2 if count == 4 else 1.5)
+    grown = size * (1.2 if count == 4 else 2.0)  # doubtful points must be seen among the good ones
     return grown * np.column_stack([np.cos(angles), np.sin(angles)])
 
 

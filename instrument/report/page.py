@@ -78,10 +78,10 @@ class Page:
             f"<h1>{escape(self.title)}</h1>\n",
             *map(_banner, self.banners),
             '<div class="figures">\n',
-            *(f"<div><b>{escape(value)}</b><span>{escape(name)}</span></div>\n" for value, name in self.figures),
+            *(f"<div><b>{_tied(value)}</b><span>{_tied(name)}</span></div>\n" for value, name in self.figures),
             "</div>\n",
             *map(_picture, self.pictures),
-            "<h2>Key figures</h2>\n<table>\n",
+            "<h2>All figures</h2>\n<table>\n",
             *(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>\n" for name, value in self.facts),
             "</table>\n",
             *(
@@ -91,6 +91,11 @@ class Page:
             f"<footer>{escape(self.footer)}</footer>\n</body>\n</html>\n",
         ]
         return "".join(parts)
+
+
+def _tied(text: str) -> str:
+    """Return a text in which no number is torn from its unit."""
+    return escape(text).replace(" %", "&nbsp;%").replace(" mm", "&nbsp;mm")
 
 
 def _banner(banner: Banner) -> str:

@@ -20,16 +20,17 @@ def draw_histogram(residuals_mm: NDArray[np.float64]) -> Figure:
     """Draw the histogram of signed residuals (N,), with the limits of 1 and 3 mm."""
     figure = new_figure(9.0, 3.6)
     axes = figure.subplots()
-    tidy(axes, "residuals: signed distances of the points to the model", "mm (positive: outside bone)", "points")
+    tidy(axes, "", "signed distance to the model, mm (positive: outside bone)", "points")
     widest = float(np.clip(np.abs(residuals_mm).max(initial=0.0) * 1.05, 1.5, 6.0))
-    step = 0.1 if widest <= 3.5 else 0.2
+    step = 0.1
     ends = int(np.ceil(widest / step))
     edges = step * np.arange(-ends, ends + 1)
     shown = np.clip(residuals_mm, edges[0], edges[-1])
     kinds = classes_of(residuals_mm)
     for kind, entry in enumerate(CLASSES):
         counts, _ = np.histogram(shown[kinds == kind], edges)
-        axes.bar(edges[:-1], counts, step, align="edge", color=entry.colour, edgecolor="white", linewidth=0.4)
+        words = f"{entry.words}: {int((kinds == kind).sum())}"
+        axes.bar(edges[:-1], counts, step, align="edge", color=entry.colour, linewidth=0, label=words)
     top = axes.get_ylim()[1]
     for limit in (value for value in LIMITS_MM if value < widest):
         for side in (-limit, limit):
@@ -38,25 +39,27 @@ def draw_histogram(residuals_mm: NDArray[np.float64]) -> Figure:
     beyond = int((np.abs(residuals_mm) > edges[-1]).sum())
     if beyond:
         axes.text(0.99, 0.8, f"{beyond} points lie beyond the ends", transform=axes.transAxes, ha="right", color=INK)
+    axes.legend(loc="upper left", framealpha=0.95, edgecolor="none")
     axes.set_xlim(edges[0], edges[-1])
     return figure
 
 
 def draw_convergence(history: Sequence[Iteration]) -> Figure:
     """Draw rms and largest residual against the iteration; the stages of the method are named."""
-    from matplotlib.ticker import FuncFormatter, MaxNLocator
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     figure = new_figure(9.0, 3.6)
     axes = figure.subplots()
-    tidy(axes, "convergence", "iteration", "residual, mm")
+    tidy(axes, "", "iteration", "residual, mm")
     steps = np.arange(1, len(history) + 1)
     marker = "." if len(history) < 80 else ""
     largest = [entry.max_mm for entry in history]
     axes.plot(steps, largest, color=SECOND, marker=marker, linestyle="--", label="largest")
     axes.plot(steps, [entry.rms_mm for entry in history], color=ACCENT, marker=marker, label="root mean square")
     axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.yaxis.set_minor_formatter(FuncFormatter(lambda *_: ""))
+    axes.yaxis.set_minor_formatter(NullFormatter())
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     names = [entry.stage for entry in history]
     begins = [k for k in range(len(names)) if k == 0 or names[k] != names[k - 1]]
@@ -64,6 +67,5 @@ def draw_convergence(history: Sequence[Iteration]) -> Figure:
         for k in begins:
             axes.axvline(k + 0.5, color="#9aa5b1", linewidth=0.8)
             axes.text(k + 0.6, 1.01, names[k], transform=axes.get_xaxis_transform(), color=INK, fontsize=8, ha="left")
-        axes.set_title("")
     axes.legend(frameon=False)
     return figure

@@ -25,15 +25,8 @@ def draw_waveform(times_ps: FloatArray, trace_mv: FloatArray, caption: str) -> F
     top = float(trace_mv.max())
     for name, colour, (time_ps, level_mv) in zip(("reference", "echo"), (SECOND, ACCENT), points, strict=False):
         axes.axvline(time_ps / 1000, color=colour, linewidth=0.8, linestyle=":")
-        axes.plot(time_ps / 1000, level_mv, "o", color=colour, markersize=7, zorder=3)
-        axes.annotate(
-            f"{name}\n50 % at {time_ps / 1000:.3f} ns",
-            (time_ps / 1000, level_mv),
-            textcoords="offset points",
-            xytext=(-9, 14),
-            ha="right",
-            color=colour,
-        )
+        words = f"{name}: 50 % of its peak at {time_ps / 1000:.3f} ns"
+        axes.plot(time_ps / 1000, level_mv, "o", color=colour, markersize=7, zorder=3, label=words)
     if len(points) == 2:
         (start_ps, _), (end_ps, _) = points
         height = 1.1 * top
@@ -42,6 +35,8 @@ def draw_waveform(times_ps: FloatArray, trace_mv: FloatArray, caption: str) -> F
         middle = (start_ps + end_ps) / 2000
         axes.text(middle, 1.13 * top, f"Ti = {(end_ps - start_ps) / 1000:.3f} ns", ha="center", color=INK)
         axes.set_ylim(top=1.28 * top)
+    if points:
+        axes.legend(loc="upper right", framealpha=0.95, edgecolor="none")
     axes.set_xlim(times_ps[0] / 1000, times_ps[-1] / 1000)
     return figure
 

@@ -87,8 +87,8 @@ def write_report(
     if registration is not None and registration.history:
         pictures.append(_convergence(target, registration))
     page = Page(
-        title=f"Laser radar scan {recording.path.stem}",
-        banners=content.banners(recording, registration),
+        title=f"picoradar: report on {recording.path.name}",
+        banners=content.banners(recording, registration, truth_error),
         figures=content.figures(cloud, registration, truth_error),
         pictures=pictures,
         facts=content.facts(recording, cloud, registration, truth_error, summary),

@@ -165,8 +165,8 @@ def test_everything_is_in_the_folder(full: tuple[str, Path]) -> None:
 def test_the_page_says_the_verdict_and_the_figures(full: tuple[str, Path]) -> None:
     page, _ = full
     assert "PASSED" in page
-    assert "0.110 mm" in page
-    assert "0.0830 mm" in page
+    assert "0.110&nbsp;mm" in page
+    assert "0.083&nbsp;mm" in page
     assert "all motions are held" in page
     assert "no echo: 2" in page
     assert "yes, read back" in page
@@ -201,6 +201,12 @@ def test_other_verdicts(tmp_path: Path, verdict: str, word: str) -> None:
     assert word in page
     assert "PASSED" not in page
     assert not (tmp_path / "overlay.png").exists()
+
+
+def test_a_pose_that_the_simulated_bench_knows_to_be_wrong(tmp_path: Path) -> None:
+    truth = {"rotation_deg": 1.2, "translation_mm": 0.2, "tre_mm": 0.5}
+    page, _ = report(tmp_path, scan(tmp_path / "scan.db"), registration=Found(residuals()), truth_error=truth)
+    assert page.index("WRONG POSE") < page.index("PASSED")
 
 
 def test_scan_alone_without_traces(tmp_path: Path) -> None:
