@@ -80,7 +80,7 @@ class LaserClass:
 
 def c4(wavelength_nm: float) -> float:
     """Correction for the absorption of the eye's pigment, ``10^(0.002 (wavelength - 700))``, 700 to 1050 nm."""
-    return 10.0 ** (0.002 * (wavelength_nm - LEAST_NM))
+    return float(10.0 ** (0.002 * (wavelength_nm - LEAST_NM)))
 
 
 def c5(pulses: float) -> float:

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from types import TracebackType
 from typing import Any, Self
 
+import numpy as np
+
 from drivers.clock import VirtualClock
 from sim import handlers as _handlers  # makes sim:// known to pyserial  # noqa: F401
 from sim.firmware.dg645 import Dg645Firmware
@@ -108,7 +110,7 @@ class SimulatedBench:
         """
         named = landmarks(self.settings.target)
         rng = self.noise.stream("operator.clicks")
-        points = clicks([*named.values()], self.truth.scanner_from_model, rng)
+        points = clicks(np.array([*named.values()]), self.truth.scanner_from_model, rng)
         return [
             {"name": name, "scanner": seen.tolist(), "model": point.tolist()}
             for (name, point), seen in zip(named.items(), points, strict=True)

@@ -28,7 +28,7 @@ class BenchTruth:
     @property
     def model_from_scanner(self) -> NDArray[np.float64]:
         """Get the inverse of that pose (4, 4)."""
-        return np.linalg.inv(self._optics.scanner_from_model)
+        return np.asarray(np.linalg.inv(self._optics.scanner_from_model), dtype=np.float64)
 
     def ranges_mm(self, run_ids: NDArray[np.int64]) -> NDArray[np.float64]:
         """Get the true ranges (N,) in mm of the last record of each run; NaN where nothing was hit or nothing taken."""

@@ -27,7 +27,9 @@ def test_mean_power_limits_at_known_wavelengths() -> None:
         (1e5, 0.400, 78.8, 9.98, 9.98),
     ],
 )
-def test_pulse_limits_of_the_table(prf_hz: float, factor: float, train_nj: float, mean_nj: float, limit_nj: float) -> None:
+def test_pulse_limits_of_the_table(
+    prf_hz: float, factor: float, train_nj: float, mean_nj: float, limit_nj: float
+) -> None:
     found = classify(PulseTrain(904, prf_hz, 1.0, 3e-9))
     assert found.single_pulse_ael_nj == pytest.approx(197.01, abs=0.01)
     assert c5(prf_hz * 10) == pytest.approx(factor, abs=5e-4)
@@ -54,7 +56,9 @@ def test_more_light_is_never_safer(energy: float, prf: float, more: float) -> No
         assert not classify(PulseTrain(904, prf, energy * more, 44e-12)).class1
 
 
-@pytest.mark.parametrize("bad", [(532, 8e4, 1, 44e-12), (904, 0, 1, 44e-12), (904, 8e4, -1, 44e-12), (904, 8e4, 1, 1.0)])
+@pytest.mark.parametrize(
+    "bad", [(532, 8e4, 1, 44e-12), (904, 0, 1, 44e-12), (904, 8e4, -1, 44e-12), (904, 8e4, 1, 1.0)]
+)
 def test_outside_its_validity_it_refuses(bad: tuple[float, float, float, float]) -> None:
     with pytest.raises(ValueError, match="outside"):
         PulseTrain(*bad)
