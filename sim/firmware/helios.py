@@ -53,11 +53,10 @@ class FirmwareErased(RuntimeError):
 
 @dataclass(frozen=True)
 class _Change:
-    """What happens at one point of a frame: a new place, and whether the marker line rises."""
+    """What happens at one point of a frame: a new place (None: the same), and whether the marker line rises."""
 
     after_s: float
-    x: float
-    y: float
+    place: tuple[float, float] | None
     marker_rises: bool
 
 
@@ -212,7 +211,7 @@ class HeliosFirmware:
         volts = (frame.xy.astype(float) - wire.CENTRE) / wire.CENTRE
         period_s = 1.0 / max(wire.RATE_MIN_HZ, frame.rate_hz)
         return deque(
-            _Change(float(i) * period_s, float(volts[i, 0]), float(volts[i, 1]), bool(rises[i]))
+            _Change(float(i) * period_s, (float(volts[i, 0]), float(volts[i, 1])) if moved[i] else None, bool(rises[i]))
             for i in np.flatnonzero(moved | rises)
         )
 
@@ -235,7 +234,8 @@ class HeliosFirmware:
             self._timer = self.clock.call_at(self._started + _duration_s(frame), self._frame_ended)
 
     def _apply(self, change: _Change) -> None:
-        self.mirrors.command(change.x, change.y)
+        if change.place is not None:
+            self.mirrors.command(*change.place)
         if change.marker_rises:
             for listener in self.on_marker:
                 listener()

@@ -158,7 +158,7 @@ class SimUsbDevice:
                     if got:
                         return got
                     raise errors.timed_out()
-            moved, ended = self._move(endpoint, view[got:], found.wMaxPacketSize)
+            moved, ended = self._move(found, view[got:])
             got += moved
             self._pass_frame(moved, found)
             self.check_plugged()
@@ -183,14 +183,18 @@ class SimUsbDevice:
         self._moving[endpoint] = transfers
         return bool(transfers)
 
-    def _move(self, endpoint: int, room: memoryview[int], packet_size: int) -> tuple[int, bool]:
-        """Move what fits of the transfer at hand; returns its length and whether a short packet ended it."""
-        transfers = self._moving[endpoint]
+    def _move(self, endpoint: d.Endpoint, room: memoryview[int]) -> tuple[int, bool]:
+        """Move what fits of the transfer at hand; returns its length and whether it has ended.
+
+        A bulk transfer of whole packets is ended by a zero-length one, an interrupt transfer by its length.
+        """
+        transfers = self._moving[endpoint.bEndpointAddress]
+        packet_size = endpoint.wMaxPacketSize
         data, closed = transfers.pop(0)
         if len(data) <= len(room):
             room[: len(data)] = data
-            whole_packets = len(data) % packet_size == 0
-            if closed and whole_packets and data and len(data) == len(room):
+            needs_empty = closed and data and len(data) % packet_size == 0 and _kind(endpoint) == d.BULK
+            if needs_empty and len(data) == len(room):
                 transfers.insert(0, InTransfer(b""))  # its zero-length packet is left for the next read
             return len(data), closed
         packets = len(room) // packet_size * packet_size
@@ -249,10 +253,14 @@ class SimUsbDevice:
     def _pass_frame(self, length: int = 0, endpoint: d.Endpoint | None = None) -> None:
         """Let the time of a transfer pass: its bytes, up to the end of a frame or polling interval."""
         period_s = self._frame_s
-        if endpoint is not None and endpoint.bmAttributes & 3 == d.INTERRUPT:
+        if endpoint is not None and _kind(endpoint) == d.INTERRUPT:
             high = self.descriptors.speed == d.HIGH_SPEED
             period_s *= 2 ** (endpoint.bInterval - 1) if high else endpoint.bInterval
         now = self.clock.now()
         # The small part forgives the rounding of a clock that stands exactly at the end of a frame.
         frames = math.floor((now + length / self._bytes_per_s) / period_s + 1e-6) + 1
         self.clock.sleep(frames * period_s - now)
+
+
+def _kind(endpoint: d.Endpoint) -> int:
+    return endpoint.bmAttributes & 3
