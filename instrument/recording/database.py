@@ -13,11 +13,12 @@ import sys
 import zlib
 from pathlib import Path
 
-from instrument.recording.errors import RecordingError, from_sqlite
+from instrument.recording.errors import RecordingError, from_sqlite, primary_code
 
 APPLICATION_ID = 0x7069636F  # "pico"
 LAYOUT = 1
 _BUSY_S = 2.0
+_LONGEST_WAL_BYTES = 16_000_000
 
 SCHEMA = """
 CREATE TABLE scan (
@@ -150,6 +151,39 @@ def make_durable(connection: sqlite3.Connection) -> None:
     if sys.platform == "darwin":  # plain fsync does not reach the platter there
         connection.execute("PRAGMA fullfsync=1")
         connection.execute("PRAGMA checkpoint_fullfsync=1")
+
+
+def checkpoint_if_long(connection: sqlite3.Connection, path: Path) -> None:
+    """Move what is in the WAL into the file before it gets long.
+
+    Raises
+    ------
+    sqlite3.Error
+        If the disk fails. Nothing is lost then: the WAL stays as it is.
+    """
+    wal = Path(f"{path}-wal")
+    if wal.exists() and wal.stat().st_size > _LONGEST_WAL_BYTES:
+        connection.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()
+
+
+def to_one_file(connection: sqlite3.Connection, path: Path) -> bool:
+    """Bring everything into the one file; return False, with all still safe, while somebody reads.
+
+    Raises
+    ------
+    sqlite3.Error, OSError
+        If the disk fails.
+    """
+    try:
+        if connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()[0]:
+            return False
+        connection.execute("PRAGMA journal_mode=DELETE")
+    except sqlite3.OperationalError as error:
+        if primary_code(error) == sqlite3.SQLITE_BUSY:
+            return False
+        raise
+    sync_folder(path.parent)
+    return True
 
 
 def sync_folder(folder: Path) -> None:

@@ -63,11 +63,19 @@ class RecordingError(PicoradarError):
         super().__init__(f"{where}: {what}{safe}" + (f" ({remedy})" if remedy else ""))
 
 
+def primary_code(error: sqlite3.Error | OSError) -> int:
+    """Return SQLite's primary result code; an error of the operating system counts as input/output error."""
+    if isinstance(error, OSError):
+        return sqlite3.SQLITE_IOERR
+    code: int = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR)
+    return code & 0xFF
+
+
 def from_sqlite(
-    file: Path, error: sqlite3.Error, *, line: int | None = None, kept: int | None = None
+    file: Path, error: sqlite3.Error | OSError, *, line: int | None = None, kept: int | None = None
 ) -> RecordingError:
-    """Put an error of SQLite into the words of the recording (primary result code, then SQLite's own text)."""
-    code: int = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF
+    """Put an error of SQLite into the words of the recording, with SQLite's own text."""
+    code = primary_code(error)
     words = _WORDS.get(code)
     what = f"{words} ({error})" if words else f"cannot be used ({error})"
     return RecordingError(file, what, _REMEDY.get(code, ""), line=line, kept=kept)

@@ -10,13 +10,17 @@ from pathlib import Path
 from typing import Any, Self
 
 from instrument.recording import rows
-from instrument.recording.database import create_database, open_database, sync_folder
-from instrument.recording.errors import RecordingError, from_sqlite
+from instrument.recording.database import (
+    checkpoint_if_long,
+    create_database,
+    open_database,
+    to_one_file,
+)
+from instrument.recording.errors import RecordingError, from_sqlite, primary_code
 from instrument.recording.header import canonical, complete_header
 from instrument.recording.reader import Reader
+from instrument.recording.writer_lock import WriterLock
 from instrument.scan_line import ScanLine
-
-_CHECKPOINT_BYTES = 16_000_000
 
 
 class Recording(Reader):
@@ -26,10 +30,11 @@ class Recording(Reader):
     being written). A context manager: leaving it closes the file, and does not declare the scan finished.
     """
 
-    def __init__(self, path: Path, connection: sqlite3.Connection, *, writing: bool) -> None:
+    def __init__(self, path: Path, connection: sqlite3.Connection, lock: WriterLock | None = None) -> None:
         super().__init__(path, connection)
-        self._writing = writing
-        self._why_not = "" if writing else " (it was opened for reading)"
+        self._lock_of_writer = lock
+        self._writing = lock is not None
+        self._why_not = "" if self._writing else " (it was opened for reading)"
 
     @classmethod
     def create(cls, path: str | os.PathLike[str], header: Mapping[str, Any]) -> Self:
@@ -55,7 +60,7 @@ class Recording(Reader):
         except ValueError as error:
             raise RecordingError(file, str(error)) from error
         connection = create_database(file, text)
-        return cls(file, connection, writing=True)
+        return cls(file, connection, WriterLock(file))
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> Self:
@@ -67,7 +72,7 @@ class Recording(Reader):
             If there is none, it is not a recording, or its header is damaged.
         """
         file = Path(path)
-        return cls(file, open_database(file, writing=False), writing=False)
+        return cls(file, open_database(file, writing=False))
 
     @classmethod
     def resume(cls, path: str | os.PathLike[str]) -> Self:
@@ -78,16 +83,21 @@ class Recording(Reader):
         Raises
         ------
         RecordingError
-            As `open`; or if no line is missing.
+            As `open`; if the scan is complete; if another program is writing to it.
         """
         file = Path(path)
-        recording = cls(file, open_database(file, writing=True), writing=True)
-        damaged = [line for line in recording.check() if not line.ok]
-        if not recording.missing and not damaged:
-            recording.close()
-            raise RecordingError(file, "holds all its lines; there is nothing to go on with")
-        last = recording._value("SELECT coalesce(max(acknowledged_at_s), 0) FROM line")
-        before = recording.stop_reason
+        with cls.open(file) as recording:
+            damaged = [line for line in recording.check() if not line.ok]
+            if recording.complete and not damaged:
+                raise RecordingError(file, "holds all its lines; there is nothing to go on with")
+            before = recording.stop_reason
+            last = recording._value("SELECT coalesce(max(acknowledged_at_s), 0) FROM line")
+        lock = WriterLock(file)
+        try:
+            recording = cls(file, open_database(file, writing=True), lock)
+        except RecordingError:
+            lock.release()
+            raise
         with recording._transaction():
             for line in damaged:
                 recording._connection.execute("DELETE FROM line WHERE k = ?", (line.index,))
@@ -96,6 +106,11 @@ class Recording(Reader):
             recording.event(last, "line taken out", line=line.index, problem=line.problem)
         recording.event(last, "resumed", stop_reason_before=before)
         return recording
+
+    def close(self) -> None:
+        """Close the file. The lines are safe with or without it."""
+        super().close()
+        self._release()
 
     def append(self, line: ScanLine, *, acknowledged_at_s: float | None = None) -> None:
         """Write a line; on return it is on the disk. Hand a line to nobody before.
@@ -110,7 +125,8 @@ class Recording(Reader):
         Raises
         ------
         RecordingError
-            If it could not be made durable: then it is not in the recording, and the lines before it are.
+            If it could not be made durable: then it is not in the recording, and the lines before it are. Or, with
+            the line safe, if the disk failed while old lines were moved from the WAL into the file.
         """
         if not 0 <= line.index < self.raster["rows"]:
             raise RecordingError(self.path, f"the raster has the lines 0 to {self.raster['rows'] - 1}", line=line.index)
@@ -123,7 +139,11 @@ class Recording(Reader):
             self._connection.execute(rows.INSERT_LINE, line_row)
             if wave_row is not None:
                 self._connection.execute(rows.INSERT_WAVE, wave_row)
-        self._checkpoint_when_due(line.index)
+        with self._lock:
+            try:
+                checkpoint_if_long(self._connection, self.path)
+            except sqlite3.Error as error:
+                raise self._failure(error, line.index) from error
 
     def event(self, time_s: float, kind: str, *, state: str | None = None, **fields: object) -> None:
         """Write down what happened (durable on return).
@@ -176,24 +196,23 @@ class Recording(Reader):
         RecordingError
             If it could not be written.
         """
-        with self._transaction():
-            self._connection.execute(
-                "UPDATE scan SET stop_reason = ?, laser_off_verified = ?, summary = ?",
-                (stop_reason, int(laser_off_verified), canonical(summary)),
-            )
+        try:
+            figures = canonical(summary)
+        except ValueError as error:
+            raise RecordingError(self.path, f"summary: {error}") from error
         with self._lock:
+            with self._transaction():
+                self._connection.execute(
+                    "UPDATE scan SET stop_reason = ?, laser_off_verified = ?, summary = ?",
+                    (stop_reason, int(laser_off_verified), figures),
+                )
             self._writing, self._why_not = False, ": the scan was closed"
             try:
-                busy = self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()[0]
-                if busy:
-                    return False
-                self._connection.execute("PRAGMA journal_mode=DELETE")
-                sync_folder(self.path.parent)
-            except sqlite3.Error as error:
-                if getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_BUSY:
-                    return False
+                return to_one_file(self._connection, self.path)
+            except (sqlite3.Error, OSError) as error:
                 raise self._failure(error, None) from error
-        return True
+            finally:
+                self._release()
 
     @contextmanager
     def _transaction(self, line: int | None = None) -> Iterator[None]:
@@ -210,12 +229,16 @@ class Recording(Reader):
             finally:
                 self._roll_back()
 
+    def _release(self) -> None:
+        if self._lock_of_writer is not None:
+            self._lock_of_writer.release()
+
     def _roll_back(self) -> None:
         if self._connection.in_transaction:
             with suppress(sqlite3.Error):  # the transaction is gone with the connection in any case
                 self._connection.execute("ROLLBACK")
 
-    def _failure(self, error: sqlite3.Error, line: int | None) -> RecordingError:
+    def _failure(self, error: sqlite3.Error | OSError, line: int | None) -> RecordingError:
         """Undo the line, count what is safe, and after an input/output error write no more.
 
         A failed fsync leaves unknown what reached the disk, and a second one may report success all the same.
@@ -226,22 +249,7 @@ class Recording(Reader):
         except RecordingError:
             kept = None
         failure = from_sqlite(self.path, error, line=line, kept=kept)
-        if getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CORRUPT):
+        if primary_code(error) in (sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CORRUPT):
             self._writing = False
             self._why_not = f" any more: {failure.what}"
         return failure
-
-    def _checkpoint_when_due(self, line: int) -> None:
-        """Move the WAL into the file before it gets long; a failure is told, though the line itself is safe."""
-        with self._lock:
-            try:
-                if self._wal_bytes() > _CHECKPOINT_BYTES:
-                    self._connection.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()
-            except sqlite3.Error as error:
-                raise self._failure(error, line) from error
-
-    def _wal_bytes(self) -> int:
-        try:
-            return Path(f"{self.path}-wal").stat().st_size
-        except FileNotFoundError:
-            return 0

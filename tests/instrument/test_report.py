@@ -57,6 +57,11 @@ class Found:
     mean_mm: float = 0.24
     max_mm: float = 1.4
     predicted_rotation_deg: float = 0.11
+    history: list[Entry] = field(
+        default_factory=lambda: [
+            Entry("coarse" if k < 5 else "fine", 3 * 0.7**k, 1.0, 9 * 0.8**k, 10) for k in range(12)
+        ]
+    )
 
     @property
     def inliers(self) -> np.ndarray:
@@ -65,10 +70,6 @@ class Found:
     @property
     def targets(self) -> list[Target]:
         return [Target("socket centre", np.zeros(3), 0.06, 0.11, float("inf"))]
-
-    @property
-    def history(self) -> list[Entry]:
-        return [Entry("coarse" if k < 5 else "fine", 3 * 0.7**k, 1.0, 9 * 0.8**k, 10) for k in range(12)]
 
 
 def pulse(times_ps: np.ndarray, at_ps: float, height: float) -> np.ndarray:
@@ -186,8 +187,8 @@ def test_the_same_data_give_the_same_pictures(full: tuple[str, Path], tmp_path: 
     vertices, faces = bowl_mesh()
     report(
         tmp_path,
-        scan(tmp_path / "scan.db"),
-        registration=Found(residuals()),
+        scan(tmp_path / "scan.db", traces=False),
+        registration=Found(residuals(), history=[]),
         model_vertices=vertices,
         model_faces=faces,
     )
@@ -195,9 +196,17 @@ def test_the_same_data_give_the_same_pictures(full: tuple[str, Path], tmp_path: 
         assert (tmp_path / name).read_bytes() == (full[1] / name).read_bytes()
 
 
+def small(path: Path) -> Recording:
+    return scan(path, rows=2, traces=False)
+
+
+def quick(**kwargs: Any) -> Found:
+    return Found(np.zeros(2 * COLUMNS), history=[], **kwargs)
+
+
 @pytest.mark.parametrize(("verdict", "word"), [("caution", "CAUTION"), ("fail", "FAILED")])
 def test_other_verdicts(tmp_path: Path, verdict: str, word: str) -> None:
-    page, _ = report(tmp_path, scan(tmp_path / "scan.db"), registration=Found(residuals(), verdict=verdict))
+    page, _ = report(tmp_path, small(tmp_path / "scan.db"), registration=quick(verdict=verdict))
     assert word in page
     assert "PASSED" not in page
     assert not (tmp_path / "overlay.png").exists()
@@ -205,7 +214,7 @@ def test_other_verdicts(tmp_path: Path, verdict: str, word: str) -> None:
 
 def test_a_pose_that_the_simulated_bench_knows_to_be_wrong(tmp_path: Path) -> None:
     truth = {"rotation_deg": 1.2, "translation_mm": 0.2, "tre_mm": 0.5}
-    page, _ = report(tmp_path, scan(tmp_path / "scan.db"), registration=Found(residuals()), truth_error=truth)
+    page, _ = report(tmp_path, small(tmp_path / "scan.db"), registration=quick(), truth_error=truth)
     assert page.index("WRONG POSE") < page.index("PASSED")
 
 
