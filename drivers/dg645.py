@@ -8,10 +8,9 @@ the gate of the sampling bridge.
 from __future__ import annotations
 
 from drivers.controls import Control, Reading
+from drivers.dg645_output import OutputPort
+from drivers.dg645_session import Dg645Session
 from drivers.dg645_wire import (
-    ERRORS,
-    QUEUE_LENGTH,
-    REPLY_END,
     Channel,
     Delay,
     Inhibit,
@@ -19,20 +18,18 @@ from drivers.dg645_wire import (
     Output,
     TimeBase,
     TriggerSource,
-    decode,
     encode,
     format_number,
     parse_delay,
 )
-from drivers.errors import DeviceFault, LimitError, ProtocolError, Timeout, check_range
+from drivers.errors import DeviceFault, LimitError, ProtocolError, check_range
 from drivers.interfaces import Identity
-from drivers.serial_link import SerialLink
 
 BAUD = 9600
 LONGEST_DELAY_S = 2000.0
 
 
-class DG645:
+class DG645(Dg645Session):
     """One delay generator on a serial line (9600 baud as shipped) or its raw TCP port.
 
     Parameters
@@ -40,15 +37,6 @@ class DG645:
     link : SerialLink
         The line to it; owned by this object from now on.
     """
-
-    def __init__(self, link: SerialLink) -> None:
-        self.link = link
-        self._in_step = True  # False after a failure: late replies may still come
-
-    @property
-    def device(self) -> str:
-        """Get the device's name for messages."""
-        return self.link.device
 
     trigger_source = Control("TSRC", TriggerSource, "Control what starts a cycle (`TriggerSource`).")
     trigger_rate_hz = Control(
@@ -94,6 +82,15 @@ class DG645:
     )
     burst_t0_first_only = Control(
         "BURT", bool, "Control whether T0 comes in the first cycle of a burst only (bool).", limits=(0, 1)
+    )
+    instrument_enable = Control(
+        "INSE", int, "Control which instrument status bits reach the status byte (int from 0 to 255).", limits=(0, 255)
+    )
+    event_enable = Control(
+        "*ESE", int, "Control which standard event bits reach the status byte (int from 0 to 255).", limits=(0, 255)
+    )
+    service_enable = Control(
+        "*SRE", int, "Control which status byte bits ask for service (int from 0 to 255).", limits=(0, 255)
     )
     time_base = Reading("TIMB", TimeBase, "Get the time base in use (`TimeBase`).")
 
@@ -186,7 +183,7 @@ class DG645:
 
     def linked_to(self, channel: Channel) -> Channel:
         """Get the channel that the delay of ``channel`` counts from."""
-        return Channel(self._integer(f"LINK?{channel:d}", least=0, most=9))
+        return Channel(self.integer(f"LINK?{channel:d}", least=0, most=9))
 
     def set_step(self, channel: Channel, step_s: float) -> None:
         """Control the step size of a channel in s (float from 0 to 2000)."""
@@ -195,54 +192,35 @@ class DG645:
 
     def step_size_s(self, channel: Channel) -> float:
         """Get the step size of a channel (s)."""
-        return self._number(f"SSDL?{channel:d}")
+        return self.number(f"SSDL?{channel:d}")
 
     def step(self, channel: Channel, *, up: bool) -> None:
         """Change the delay of a channel by its step size."""
         self.configure(f"SPDL {_settable(self.device, channel)},{up:d}")
 
-    def set_amplitude(self, output: Output, amplitude_v: float) -> None:
-        """Control the amplitude of an output into 50 ohm in V (float from 0.5 to 5)."""
-        check_range(self.device, f"amplitude of {output.name}", amplitude_v, 0.5, 5.0, "V")
-        self.configure(f"LAMP {output:d},{format_number(amplitude_v)}")
-
-    def amplitude_v(self, output: Output) -> float:
-        """Get the amplitude of an output (V)."""
-        return self._number(f"LAMP?{output:d}")
-
-    def set_offset(self, output: Output, offset_v: float) -> None:
-        """Control the offset of an output in V (float from -2 to 2)."""
-        check_range(self.device, f"offset of {output.name}", offset_v, -2.0, 2.0, "V")
-        self.configure(f"LOFF {output:d},{format_number(offset_v)}")
-
-    def offset_v(self, output: Output) -> float:
-        """Get the offset of an output (V)."""
-        return self._number(f"LOFF?{output:d}")
-
-    def set_polarity(self, output: Output, *, positive: bool) -> None:
-        """Control the polarity of an output."""
-        self.configure(f"LPOL {output:d},{positive:d}")
-
-    def is_positive(self, output: Output) -> bool:
-        """Get the polarity of an output."""
-        return bool(self._integer(f"LPOL?{output:d}", least=0, most=1))
-
-    def set_prescale(self, place: Output, factor: int, phase: int = 0) -> None:
-        """Control prescaling of the trigger (place 0) or of an output (int from 1 to 65535), and its phase."""
-        check_range(self.device, "prescale factor", factor, 1, 65535)
-        check_range(self.device, "prescale phase", phase, 0, 65534)
-        block = [f"PRES {place:d},{factor:d}"]
-        if place is not Output.T0:  # the trigger itself has no phase
-            block.append(f"PHAS {place:d},{phase:d}")
-        self.configure(*block)
+    def output(self, output: Output) -> OutputPort:
+        """Get one output, to control its level, polarity and prescaling."""
+        return OutputPort(self, output)
 
     def instrument_status(self) -> InstrumentStatus:
         """Get the instrument status register; reading clears it."""
-        return InstrumentStatus(self._integer("INSR?", least=0, most=255))
+        return InstrumentStatus(self.integer("INSR?", least=0, most=255))
 
     def self_test(self) -> int:
         """Get the result of the self test: 0 or an error code."""
-        return self._integer("*TST?", least=0, most=254)
+        return self.integer("*TST?", least=0, most=254)
+
+    def calibrate(self) -> int:
+        """Get the result of a self calibration: 0 or an error code."""
+        return self.integer("*CAL?", least=0, most=254)
+
+    def show(self, item: int, channel: Channel) -> None:
+        """Choose what the front panel displays (``DISP``)."""
+        self.configure(f"DISP {item:d},{channel:d}")
+
+    def release(self) -> None:
+        """Give the front panel back to a person (``LCAL``)."""
+        self.configure("LCAL")
 
     def save(self, memory: int) -> None:
         """Save all settings (memory 1 to 9)."""
@@ -258,98 +236,11 @@ class DG645:
         """Restore the defaults (``*RST``) and stop the triggers."""
         self.configure("*RST", "TSRC 5")
 
-    def errors(self) -> list[int]:
-        """Get all codes of the error queue, oldest first; reading empties it.
-
-        Raises
-        ------
-        ProtocolError
-            When more codes come than the queue can hold.
-        """
-        codes: list[int] = []
-        while (code := self._integer("LERR?", least=0, most=254)) != 0:
-            codes.append(code)
-            if len(codes) > QUEUE_LENGTH:
-                raise ProtocolError(self.device, f"the error queue does not end; last code {code}")
-        return codes
-
-    def configure(self, *commands: str) -> None:
-        """Send a block of set commands and make sure that every one was taken.
-
-        Raises
-        ------
-        DeviceFault
-            With the oldest code in the error queue and its meaning.
-        """
-        self._synchronise()
-        for command in commands:
-            self.link.write(encode(command))
-        if codes := self.errors():
-            meaning = "; ".join(f"{code} {ERRORS.get(code, 'unknown error')}" for code in codes)
-            raise DeviceFault(self.device, f"refused {', '.join(commands)}: error {meaning}", code=codes[0])
-
-    def query(self, text: str) -> str:
-        """Ask one question and get the text of the reply.
-
-        Raises
-        ------
-        Timeout, ProtocolError, LinkLost
-            When no reply, or none in its form, came.
-        """
-        self._synchronise()
-        self.link.write(encode(text))
-        return self._reply()
-
-    def get_number(self, key: str) -> float:
-        """Ask for the number behind a mnemonic."""
-        return self._number(f"{key}?")
-
-    def set_number(self, key: str, value: float) -> None:
-        """Set the number behind a mnemonic; checked by ``LERR?``."""
-        self.configure(f"{key} {format_number(value)}")
-
     def _switch(self, source: TriggerSource) -> None:
         self.trigger_source = source
         if (found := self.trigger_source) is not source:
             what = f"trigger source is {found.name} after it was set to {source.name}"
             raise DeviceFault(self.device, what, "open the interlock by hand")
-
-    def _reply(self) -> str:
-        try:
-            return decode(self.link.read_until(REPLY_END, limit=256))
-        except ValueError as error:
-            self._in_step = False
-            raise ProtocolError(self.device, f"unreadable reply: {error}", "check the baud rate") from error
-        except (Timeout, ProtocolError):
-            self._in_step = False
-            raise
-
-    def _synchronise(self) -> None:
-        """After a failure, drop what comes late: nothing before the answer to ``*IDN?`` counts."""
-        if self._in_step:
-            return
-        self.link.drain(quiet_s=0.1)
-        self.link.write(encode("") + encode("*IDN?"))
-        while ",DG645," not in self._reply():
-            continue
-        self.link.drain(quiet_s=0.1)
-        self._in_step = True
-
-    def _number(self, query: str) -> float:
-        text = self.query(query)
-        try:
-            return float(text)
-        except ValueError as error:
-            self._in_step = False
-            raise ProtocolError(self.device, f"answered {text!r} to {query}, which is no number") from error
-
-    def _integer(self, query: str, *, least: int, most: int) -> int:
-        number = self._number(query)
-        if not (least <= number <= most and number == int(number)):
-            self._in_step = False
-            what = f"answered {number:g} to {query}, which is no integer from {least} to {most}"
-            raise ProtocolError(self.device, what)
-        return int(number)
 
 
 def _settable(device: str, channel: Channel) -> int:

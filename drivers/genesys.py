@@ -6,30 +6,35 @@ are sorted out and counted. The supply has no watchdog: a lost host is covered b
 
 from __future__ import annotations
 
+from enum import IntEnum
+
 from drivers.controls import Control, Reading
-from drivers.errors import DeviceFault, ProtocolError, Timeout, check_range
-from drivers.genesys_wire import (
-    END,
-    ERRORS,
-    Fault,
-    Look,
-    Status,
-    decode,
-    encode,
-    format_number,
-    parse_look,
-    parse_rating,
-    unsolicited_from,
-)
+from drivers.errors import DeviceFault, ProtocolError
+from drivers.genesys_session import LATE_S, GenesysSession
+from drivers.genesys_wire import END, Fault, Look, Status, parse_look, parse_rating
 from drivers.interfaces import Identity
 from drivers.serial_link import SerialLink
 
 BAUD = 9600
-ANSWER_S = 0.5
-TRIES = 3
 
 
-class Genesys:
+class Filter(IntEnum):
+    """Measuring filters (``FILTER``), in Hz."""
+
+    HZ_18 = 18
+    HZ_23 = 23
+    HZ_46 = 46
+
+
+class Remote(IntEnum):
+    """Who may operate the supply (``RMT``): the panel, the host and the panel's key, the host alone."""
+
+    LOC = 0
+    REM = 1
+    LLO = 2
+
+
+class Genesys(GenesysSession):
     """One supply on a serial line (RS-232, or one of up to 31 on RS-485).
 
     Parameters
@@ -45,24 +50,12 @@ class Genesys:
     ----------
     rated_v, rated_a : float
         Rating, known after `open` from the model name.
-    unsolicited : int
-        Messages that came unasked (``!nn``) since `open`: some enabled event bit was set.
     """
 
     def __init__(self, link: SerialLink, address: int = 6, checksum: bool = False) -> None:
-        check_range(link.device, "address", address, 0, 30)
-        self.link = link
-        self.address = address
-        self.checksum = checksum
+        super().__init__(link, address, checksum)
         self.rated_v = 600.0
         self.rated_a = 1.3
-        self.unsolicited = 0
-        self._in_step = True  # False after a failure: late replies may still come
-
-    @property
-    def device(self) -> str:
-        """Get the device's name for messages."""
-        return self.link.device
 
     voltage_v: Control[str, float] = Control(
         "PV",
@@ -95,43 +88,30 @@ class Genesys:
     foldback_delay: Control[str, int] = Control(
         "FBD", int, "Control the foldback delay in 0.1 s, added to 0.25 s (int from 0 to 255).", limits=(0, 255)
     )
-    filter_hz: Control[str, int] = Control(
-        "FILTER", int, "Control the measuring filter in Hz (int: 18, 23 or 46).", limits=(18, 46), unit="Hz"
-    )
+    filter_hz = Control("FILTER", Filter, "Control the measuring filter (`Filter`).")
     measured_v = Reading("MV", float, "Measure the output voltage in V.")
     measured_a = Reading("MC", float, "Measure the output current in A.")
 
-    @property
-    def output(self) -> bool:
-        """Control whether the output is on (bool)."""
-        return self._on_or_off("OUT")
-
-    @output.setter
-    def output(self, on: bool) -> None:
-        self.command(f"OUT {on:d}")
-
-    @property
-    def auto_start(self) -> bool:
-        """Control whether the output comes back by itself after mains return (bool; False on this bench)."""
-        return self._on_or_off("AST")
-
-    @auto_start.setter
-    def auto_start(self, on: bool) -> None:
-        self.command(f"AST {on:d}")
+    output = Control("OUT", bool, "Control whether the output is on (bool).", limits=(0, 1))
+    auto_start = Control(
+        "AST",
+        bool,
+        "Control whether the output comes back by itself after mains return (bool; False on this bench).",
+        limits=(0, 1),
+    )
+    foldback = Control("FLD", bool, "Control whether constant current shuts the output down (bool).", limits=(0, 1))
 
     @property
-    def foldback(self) -> bool:
-        """Control whether constant current shuts the output down (bool)."""
-        return self._on_or_off("FLD")
+    def remote(self) -> Remote:
+        """Control who may operate it (`Remote`)."""
+        text = self.query("RMT?")
+        if text not in Remote.__members__:
+            raise ProtocolError(self.device, f"answered {text!r} to RMT?")
+        return Remote[text]
 
-    @foldback.setter
-    def foldback(self, on: bool) -> None:
-        self.command(f"FLD {on:d}")
-
-    @property
-    def remote(self) -> str:
-        """Get who may operate it: ``LOC``, ``REM`` or ``LLO``."""
-        return self.query("RMT?")
+    @remote.setter
+    def remote(self, who: Remote) -> None:
+        self.command(f"RMT {who:d}")
 
     @property
     def mode(self) -> str:
@@ -141,20 +121,20 @@ class Genesys:
     @property
     def fault(self) -> Fault:
         """Get the fault register as it is now."""
-        return Fault(self._register("FLT?"))
+        return Fault(self.get_register("FLT"))
 
     @property
     def status(self) -> Status:
         """Get the status register as it is now."""
-        return Status(self._register("STAT?"))
+        return Status(self.get_register("STAT"))
 
     def fault_events(self) -> Fault:
         """Get the enabled faults since the last call; reading clears them."""
-        return Fault(self._register("FEVE?"))
+        return Fault(self.get_register("FEVE"))
 
     def status_events(self) -> Status:
         """Get the enabled status changes since the last call; reading clears them."""
-        return Status(self._register("SEVE?"))
+        return Status(self.get_register("SEVE"))
 
     def enable_events(self, faults: Fault, status: Status) -> None:
         """Control which bits make an event and an unsolicited message."""
@@ -184,11 +164,11 @@ class Genesys:
         self.link.open()
         self.unsolicited = 0
         self.link.write(END)  # ends a half message that an earlier program may have left
-        self.link.drain(quiet_s=0.1)
+        self.link.drain(quiet_s=LATE_S)
         self._in_step = True
         self.command(f"ADR {self.address}")
         self.rated_v, self.rated_a = self._rating(self.query("IDN?"))
-        self.command("RMT 1")
+        self.remote = Remote.REM
         self.auto_start = False
         self.switch(on=False)
 
@@ -251,75 +231,29 @@ class Genesys:
         if any(abs(a - b) > 1e-3 * max(1.0, b) for a, b in zip(found, wanted, strict=True)):
             raise DeviceFault(self.device, f"OVP, UVL and PC read back as {found}, not {wanted}")
 
-    def command(self, text: str) -> None:
-        """Send a set command and make sure that the supply says ``OK``."""
-        reply = self.query(text)
-        if reply != "OK":
-            self._in_step = False
-            raise ProtocolError(self.device, f"answered {reply!r} to {text}, not OK")
+    def highest_overvoltage(self) -> None:
+        """Set the over-voltage trip as high as the model allows (``OVM``)."""
+        self.command("OVM")
 
-    def query(self, text: str) -> str:
-        """Send one message and get the text of its reply; two retries when none comes.
+    def reset_foldback_delay(self) -> None:
+        """Set the foldback delay to its shortest (``FBDRST``)."""
+        self.command("FBDRST")
 
-        Raises
-        ------
-        DeviceFault
-            With the supply's error code and its meaning.
-        Timeout, ProtocolError, LinkLost
-            When no reply, or none in its form, came.
-        """
-        for left in reversed(range(TRIES)):
-            try:
-                self._synchronise()
-                reply = self._exchange(text)
-                break
-            except (Timeout, ProtocolError):
-                self._in_step = False
-                if not left:
-                    raise
-        if reply in ERRORS:
-            raise DeviceFault(self.device, f"refused {text}: {reply}, {ERRORS[reply]}", code=reply)
-        return reply
+    def clear_events(self) -> None:
+        """Clear both event registers (``CLS``)."""
+        self.command("CLS")
 
-    def get_number(self, key: str) -> float:
-        """Ask for the number behind a mnemonic."""
-        text = self.query(f"{key}?")
-        try:
-            return float(text)
-        except ValueError as error:
-            self._in_step = False
-            raise ProtocolError(self.device, f"answered {text!r} to {key}?, which is no number") from error
+    def save(self) -> None:
+        """Save the settings in the supply (``SAV``)."""
+        self.command("SAV")
 
-    def set_number(self, key: str, value: float) -> None:
-        """Set the number behind a mnemonic."""
-        self.command(f"{key} {format_number(value)}")
+    def recall(self) -> None:
+        """Recall the saved settings (``RCL``)."""
+        self.command("RCL")
 
-    def _exchange(self, text: str) -> str:
-        self.link.write(encode(text, with_checksum=self.checksum))
-        return self._reply()
-
-    def _reply(self) -> str:
-        while True:
-            line = self.link.read_until(END, timeout_s=ANSWER_S, limit=256)
-            try:
-                text = decode(line, with_checksum=self.checksum and not line.startswith(b"!"))
-            except ValueError as error:
-                raise ProtocolError(self.device, f"unreadable reply: {error}", "check the baud rate") from error
-            if unsolicited_from(text) is None:
-                return text
-            self.unsolicited += 1
-
-    def _synchronise(self) -> None:
-        """After a failure, drop what comes late: nothing before the answer to ``IDN?`` counts."""
-        if self._in_step:
-            return
-        self.link.drain(quiet_s=0.1)
-        self._exchange(f"ADR {self.address}")
-        reply = self._exchange("IDN?")
-        while not reply.startswith(("LAMBDA", "TDK")):
-            reply = self._reply()
-        self.link.drain(quiet_s=0.1)
-        self._in_step = True
+    def reset(self) -> None:
+        """Go to 0 V, 0 A, output and auto-start off, highest over-voltage trip, foldback off (``RST``)."""
+        self.command("RST")
 
     def _rating(self, model: str) -> tuple[float, float]:
         try:
@@ -327,20 +261,3 @@ class Genesys:
         except ValueError as error:
             what = f"another device answers: {model!r}"
             raise ProtocolError(self.device, what, "check which port is which in the settings") from error
-
-    def _on_or_off(self, key: str) -> bool:
-        text = self.query(f"{key}?")
-        if text not in ("ON", "OFF"):
-            self._in_step = False
-            raise ProtocolError(self.device, f"answered {text!r} to {key}?, not ON or OFF")
-        return text == "ON"
-
-    def _register(self, query: str) -> int:
-        text = self.query(query)
-        try:
-            if len(text) != 2:
-                raise ValueError("not two digits")
-            return int(text, 16)
-        except ValueError as error:
-            self._in_step = False
-            raise ProtocolError(self.device, f"answered {text!r} to {query}, not two hex digits") from error

@@ -71,7 +71,7 @@ class Pulser:
         self.generator.burst = False
         self.generator.set_delay(Channel.A, Channel.T0, self.pulse_delay_s)
         self.generator.set_delay(Channel.B, Channel.A, self.pulse_width_s)
-        self.generator.set_amplitude(Output.AB, self.amplitude_v)
+        self.generator.output(Output.AB).amplitude_v = self.amplitude_v
         self.supply.protect(overvoltage_v=OVERVOLTAGE_V, undervoltage_v=UNDERVOLTAGE_V, current_a=CURRENT_A)
 
     def close(self) -> None:

@@ -104,8 +104,8 @@ def test_worked_exchange_of_the_sheet_by_the_driver(scripted):
     with pytest.raises(DeviceFault, match="illegal link") as refused:
         generator.set_delay(Channel.A, Channel.A, 0)
     assert refused.value.code == 13
-    generator.set_amplitude(Output.AB, 3.3)
-    assert generator.amplitude_v(Output.AB) == 3.3
+    generator.output(Output.AB).amplitude_v = 3.3
+    assert generator.output(Output.AB).amplitude_v == 3.3
     generator.start_triggers()
 
 
@@ -206,13 +206,14 @@ def test_settings_survive_a_round_trip(generator):
     generator.burst_count = 2**32 - 1
     generator.burst_period_s = 1e-6
     generator.inhibit = Inhibit.AB_CD
-    generator.set_offset(Output.EF, -1.25)
-    generator.set_polarity(Output.GH, positive=False)
+    generator.output(Output.EF).offset_v = -1.25
+    generator.output(Output.GH).positive = False
     generator.set_step(Channel.D, 5e-12)
     generator.step(Channel.D, up=True)
     generator.step(Channel.D, up=True)
     generator.link_channel(Channel.D, Channel.A)
-    generator.set_prescale(Output.AB, 8, 3)
+    generator.output(Output.AB).prescale = 8
+    generator.output(Output.AB).phase = 3
     generator.save(4)
     generator.reset()
     assert generator.trigger_source is TriggerSource.SINGLE_SHOT
@@ -220,8 +221,9 @@ def test_settings_survive_a_round_trip(generator):
     generator.recall(4)
     assert (generator.burst, generator.burst_count, generator.burst_period_s) == (True, 2**32 - 1, 1e-6)
     assert generator.inhibit is Inhibit.AB_CD
-    assert generator.offset_v(Output.EF) == -1.25
-    assert not generator.is_positive(Output.GH)
+    assert generator.output(Output.EF).offset_v == -1.25
+    assert not generator.output(Output.GH).positive
+    assert (generator.output(Output.AB).prescale, generator.output(Output.AB).phase) == (8, 3)
     assert generator.delay(Channel.D) == Delay(Channel.A, 10e-12)
     assert generator.linked_to(Channel.D) is Channel.A
     assert generator.self_test() == 0
@@ -286,14 +288,18 @@ def test_late_reply_does_not_answer_the_next_question(scripted):
 
 
 def test_status_bits_and_masks(generator):
-    generator.configure("*ESE 32", "*SRE 32", "INSE 255")
-    assert generator.query("*STB?") == "0"
+    generator.event_enable = 32
+    generator.service_enable = 32
+    generator.instrument_enable = 255
+    assert (generator.event_enable, generator.service_enable, generator.instrument_enable) == (32, 32, 255)
+    assert generator.status_byte() == 0
     with pytest.raises(DeviceFault):
         generator.configure("FOO")
-    assert generator.query("*STB?") == str(32 + 64)
-    assert generator.query("*ESR? 5") == "1"
-    assert generator.query("*STB?") == "0"
-    assert generator.query("*OPC?") == "1"
+    assert generator.status_byte() == 32 + 64
+    assert generator.query("*STB? 5") == "1"
+    assert generator.standard_events() == 32
+    assert generator.status_byte() == 0
+    generator.wait_complete()
 
 
 def test_reply_end_can_be_changed(firmware, played):

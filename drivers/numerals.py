@@ -1,0 +1,23 @@
+"""Numbers in ASCII replies, read strictly."""
+
+from __future__ import annotations
+
+import re
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(E[+-]?\d{1,3})?", re.ASCII | re.IGNORECASE)
+
+
+def read_number(text: str) -> float:
+    """Read a decimal number.
+
+    Other than ``float`` it takes no underscores, foreign digits, infinities or NaN: what no instrument
+    sends must not pass for a measured value.
+
+    Raises
+    ------
+    ValueError
+        When the text is no plain decimal number.
+    """
+    if len(text) > 40 or not _NUMBER.fullmatch(text):
+        raise ValueError(f"{text!r} is no number")
+    return float(text)
