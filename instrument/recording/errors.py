@@ -59,7 +59,7 @@ class RecordingError(PicoradarError):
         self.line = line
         self.kept = kept
         where = str(file) if line is None else f"{file}, line {line}"
-        safe = "" if kept is None else f"; the {kept} lines acknowledged before are kept"
+        safe = "" if kept is None else f"; {kept} lines are safe on the disk"
         super().__init__(f"{where}: {what}{safe}" + (f" ({remedy})" if remedy else ""))
 
 
