@@ -18,6 +18,26 @@ from instrument.scan_line import ScanLine
 from instrument.settings import Settings
 
 
+def raster_of(settings: Settings, calibration: Calibration) -> Raster:
+    """Lay the raster of the settings out for a calibrated scanner.
+
+    Raises
+    ------
+    LimitError
+        When it does not fit into the scanner's span.
+    """
+    scan = settings.scan
+    return Raster(
+        rows=scan.rows,
+        columns=scan.columns,
+        step_mm=scan.step_mm,
+        distance_mm=scan.distance_mm,
+        field_deg=settings.scanner.field_deg,
+        separation_mm=calibration.mirror_separation_mm,
+        errors=calibration.scanner,
+    )
+
+
 class RasterScan:
     """The raster of the settings in ``sweep`` mode: the whole trace at every place.
 
@@ -38,20 +58,11 @@ class RasterScan:
     def __init__(
         self, settings: Settings, calibration: Calibration, clock: Clock, rows: Sequence[int] | None = None
     ) -> None:
-        scan = settings.scan
         self.settings = settings
         self.calibration = calibration
         self.clock = clock
-        self.raster = Raster(
-            rows=scan.rows,
-            columns=scan.columns,
-            step_mm=scan.step_mm,
-            distance_mm=scan.distance_mm,
-            field_deg=settings.scanner.field_deg,
-            separation_mm=calibration.mirror_separation_mm,
-            errors=calibration.scanner,
-        )
-        self._rows = range(scan.rows) if rows is None else rows
+        self.raster = raster_of(settings, calibration)
+        self._rows = range(settings.scan.rows) if rows is None else rows
 
     @property
     def rows(self) -> Sequence[int]:

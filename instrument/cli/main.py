@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import logging
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
-import click
 import typer
 
 from instrument.cli import output
+
+# Typer carries its own copy of click in some versions and uses the package in others: its errors are named through it.
+UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
 app = typer.Typer(
     name="picoradar",
     help="Run a picosecond pulsed laser radar (real or simulated) and register what it sees to a bone model.\n\n"
     "Start with: picoradar demo",
-    no_args_is_help=True,
+    invoke_without_command=True,
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -23,8 +25,14 @@ app = typer.Typer(
 
 
 @app.callback()
-def common(verbose: Annotated[bool, typer.Option("--verbose", help="Log every event to stderr.")] = False) -> None:
-    """Options before the subcommand."""
+def common(
+    context: typer.Context,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Log every event to stderr.")] = False,
+) -> None:
+    """Options before the subcommand; without one, help."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+        return
     from instrument import events
 
     events.configure(logging.INFO if verbose else logging.WARNING)
@@ -41,11 +49,11 @@ def run(arguments: list[str]) -> int:
     try:
         code = app(args=arguments, standalone_mode=False, prog_name="picoradar")
         return code if isinstance(code, int) else output.EXIT_DONE
-    except click.exceptions.Exit as end:
+    except typer.Exit as end:
         return end.exit_code
-    except click.ClickException as error:
+    except UsageError as error:
         return _failed(arguments, output.EXIT_BAD_INPUT, _usage(error))
-    except (KeyboardInterrupt, click.exceptions.Abort):
+    except (KeyboardInterrupt, typer.Abort):
         return _failed(arguments, output.EXIT_INTERRUPTED, "interrupted")
     except Exception as error:
         code = exit_status(error)
@@ -70,10 +78,10 @@ def exit_status(error: Exception) -> int | None:
     return None
 
 
-def _usage(error: click.ClickException) -> str:
+def _usage(error: Any) -> str:
     context = getattr(error, "ctx", None)
     hint = f"; see: {context.command_path} --help" if context is not None else ""
-    return error.format_message().rstrip(".") + hint
+    return str(error.format_message()).rstrip(".") + hint
 
 
 def _failed(arguments: list[str], code: int, message: str) -> int:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from instrument.errors import BadInput
-from instrument.settings import Settings, load_settings, override
+
+if TYPE_CHECKING:
+    from instrument.settings import Settings
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else there.")]
 Seed = Annotated[int | None, typer.Option(help="Root seed of the simulated bench: same seed, same data.", min=0)]
@@ -51,6 +53,8 @@ def scan_settings(
     BadInput
         Naming file or option, value and what is allowed.
     """
+    from instrument.settings import Settings, load_settings, override  # here, because they make --help slow
+
     settings = Settings() if settings_file is None else load_settings(settings_file)
     rows, columns = parse_grid(grid) if grid is not None else (None, None)
     simulation: dict[str, Any] = {"target": target, "target_pose": parse_pose(target_pose), "distance_mm": distance_mm}

@@ -21,7 +21,7 @@ from instrument.controller import Controller, ScanOutcome
 from instrument.devices import make_bench
 from instrument.errors import BadInput, Interrupted
 from instrument.recording import Recording
-from instrument.scan import RasterScan
+from instrument.scan import RasterScan, raster_of
 from instrument.scan_line import ScanLine
 from instrument.settings import Settings
 
@@ -57,6 +57,7 @@ def session(settings: Settings, speed: float | None) -> Iterator[Session]:
     While the session is open, Ctrl-C and SIGTERM ask the controller to end safely; a second one is an emergency off.
     """
     calibration = calibration_of(settings)
+    raster_of(settings, calibration)  # what does not fit is refused before anything is switched
     simulated = Simulated(settings, speed) if settings.bench == "simulated" else None
     try:
         if simulated is None:

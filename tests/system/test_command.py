@@ -1,0 +1,195 @@
+"""The command's contract, called as other programs call it: JSON alone on stdout, exit status, refusals in one line."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from instrument.cli.main import run
+
+Called = tuple[int, dict[str, Any], str]
+
+
+@pytest.fixture()
+def call(capsys: pytest.CaptureFixture[str]):
+    def _call(*arguments: object) -> Called:
+        capsys.readouterr()
+        code = run([str(a) for a in arguments])
+        out, err = capsys.readouterr()
+        assert out.count("\n") == 1, f"stdout must hold one JSON object and nothing else: {out[:200]!r}"
+        return code, json.loads(out), err
+
+    return _call
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    folder = tmp_path_factory.mktemp("demo") / "report"
+    out = subprocess.run(
+        [sys.executable, "-m", "instrument.cli", "demo", "--seed", "3", "--out", str(folder), "--json"],
+        capture_output=True, text=True, check=False, timeout=55,
+    )  # fmt: skip
+    assert out.returncode == 0, out.stderr
+    return folder, json.loads(out.stdout)
+
+
+def test_the_demo_finds_the_pose_and_says_so(demo: tuple[Path, dict[str, Any]]) -> None:
+    _, result = demo
+    assert result["truth_error"]["rotation_deg"] < 1.0
+    assert result["truth_error"]["translation_mm"] < 1.0
+    assert result["registration"]["verdict"] == "pass"
+    assert result["scan"]["laser_off_verified"] is True
+    assert result["scan"]["points"] >= 1590
+    assert result["scan"]["shot_limited_s"] == pytest.approx(228.8)
+    assert 228 <= result["scan"]["device_time_s"] <= 290
+    assert 0.2 < result["scan"]["truth"]["range_rms_mm"] < 0.35
+
+
+def test_the_report_folder_holds_what_is_promised(demo: tuple[Path, dict[str, Any]]) -> None:
+    folder, result = demo
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "http://" not in page.replace("http://www.w3.org", "")
+    assert "https://" not in page
+    assert 'src="data:image/png;base64,' in page
+    for name in ("waveform", "cloud", "overlay", "residuals", "convergence"):
+        assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+    assert json.loads((folder / "result.json").read_text())["truth_error"] == result["truth_error"]
+    assert len(trimesh.load(folder / "cloud.ply").vertices) == result["scan"]["points"]
+
+
+def test_the_files_of_the_demo_can_be_used_by_the_other_commands(
+    demo: tuple[Path, dict[str, Any]], call: Any, tmp_path: Path
+) -> None:
+    folder, result = demo
+    code, info, _ = call("info", folder / "scan.db", "--json")
+    assert (code, info["lines"], info["lines_ok"], info["complete"]) == (0, 40, 40, True)
+    assert info["seed"] == 3
+    for ending in ("ply", "csv", "npz"):
+        code, exported, _ = call("export", folder / "scan.db", "-o", tmp_path / f"cloud.{ending}", "--json")
+        assert (code, exported["points"]) == (0, result["scan"]["points"])
+    for cloud in (folder / "scan.db", tmp_path / "cloud.csv"):
+        landmarks = ["--landmarks", folder / "landmarks.json"]
+        code, registered, _ = call("register", cloud, folder / "model.stl", *landmarks, "--json")
+        assert code == 0
+        np.testing.assert_allclose(
+            registered["model_from_scanner"], result["registration"]["model_from_scanner"], atol=0.02
+        )
+    code, scanned, _ = call(
+        "scan", "--settings", folder / "settings.toml", "--grid", "2x3", "-o", tmp_path / "again.db", "--json"
+    )
+    assert (code, scanned["grid"], scanned["lines"]) == (0, [2, 3], 2)
+    np.testing.assert_allclose(
+        scanned["truth"]["model_from_scanner"], result["scan"]["truth"]["model_from_scanner"], atol=1e-12
+    )
+
+
+def test_same_seed_same_bytes_and_another_seed_other_bytes(call: Any, tmp_path: Path) -> None:
+    def cloud(name: str, seed: int) -> bytes:
+        code, *_ = call("scan", "--grid", "3x4", "--seed", seed, "-o", tmp_path / f"{name}.db", "--json")
+        assert code == 0
+        call("export", tmp_path / f"{name}.db", "-o", tmp_path / f"{name}.ply", "--json")
+        return (tmp_path / f"{name}.ply").read_bytes()
+
+    assert cloud("a", 5) == cloud("b", 5)
+    assert cloud("c", 6) != cloud("d", 5)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["scan", "--grid", "40by40"], "ROWSxCOLUMNS"),
+        (["scan", "--averages", "1000"], "scan.averages = 1000"),
+        (["scan", "--target", "teapot"], "teapot"),
+        (["scan", "--speed", "fast"], "--speed 'fast'"),
+        (["scan", "--target-pose", "1,2,3"], "not 6 numbers"),
+        (["scan", "--step-mm", "5", "--grid", "100x100"], "span"),
+        (["scan", "--settings", "no-such.toml"], "no-such.toml"),
+        (["info", "no-such.db"], "no-such.db"),
+        (["register", "no-such.csv", "no-such.stl"], "no-such"),
+        (["export", "no-such.db", "-o", "x.ply"], "no-such.db"),
+        (["laser-class"], "--mean-power-mw"),
+        (["nonsense"], "nonsense"),
+        (["scan", "--no-such-option"], "--no-such-option"),
+    ],
+)
+def test_bad_usage_is_status_2_and_one_line(
+    arguments: list[str], expected: str, call: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, result, err = call(*arguments, "--json")
+    assert code == 2
+    assert expected in result["error"]
+    assert err.startswith("picoradar: ")
+    assert err.count("\n") == 1
+    assert "Traceback" not in err
+
+
+def test_a_recording_is_never_written_over(call: Any, tmp_path: Path) -> None:
+    path = tmp_path / "scan.db"
+    path.write_bytes(b"precious")
+    code, result, _ = call("scan", "--grid", "1x1", "-o", path, "--json")
+    assert code == 2
+    assert "exists already" in result["error"]
+    assert path.read_bytes() == b"precious"
+
+
+def mesh_file(folder: Path, name: str, vertices: np.ndarray) -> Path:
+    path = folder / name
+    faces = "".join(f"3 {a} {b} {c}\n" for a, b, c in [(0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)])
+    points = "".join(f"{x} {y} {z}\n" for x, y, z in vertices)
+    head = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    path.write_text(head + "element face 4\nproperty list uchar int vertex_indices\nend_header\n" + points + faces)
+    return path
+
+
+TETRAHEDRON = np.array([[0, 0, 0], [50, 0, 0], [0, 50, 0], [0, 0, 50.0]])
+
+
+def test_models_that_cannot_be_used_are_refused_with_the_finding(call: Any, tmp_path: Path) -> None:
+    points = tmp_path / "points.csv"
+    np.savetxt(points, np.random.default_rng(1).normal(0, 20, (50, 3)), delimiter=",")
+    bad = TETRAHEDRON.copy()
+    bad[2, 1] = np.nan
+    (tmp_path / "empty.stl").write_bytes(b"")
+    (tmp_path / "text.stl").write_text("not a mesh at all")
+    for path, finding in (
+        (mesh_file(tmp_path, "nan.ply", bad), "NaN"),
+        (mesh_file(tmp_path, "metres.ply", TETRAHEDRON / 1000), "metres"),
+        (tmp_path / "empty.stl", "empty"),
+        (tmp_path / "text.stl", "mesh"),
+    ):
+        code, result, _ = call("register", points, path, "--json")
+        assert code == 2, result
+        assert path.name in result["error"]
+        assert finding in result["error"]
+
+
+@pytest.mark.parametrize(
+    ("content", "finding"),
+    [
+        ("1,2,3\n4,5,6\n7,8,9\n", "6"),
+        ("".join(f"{i},{2 * i},{3 * i}\n" for i in range(20)), "line"),
+        ("1,2\n3,4\n", "column"),
+        ("", "empty"),
+    ],
+)
+def test_clouds_that_cannot_be_used_are_refused(call: Any, tmp_path: Path, content: str, finding: str) -> None:
+    cloud = tmp_path / "cloud.csv"
+    cloud.write_text(content)
+    model = mesh_file(tmp_path, "model.ply", TETRAHEDRON)
+    code, result, _ = call("register", cloud, model, "--json")
+    assert code == 2, result
+    assert finding in result["error"]
+
+
+def test_help_has_an_example_for_each_command(capsys: pytest.CaptureFixture[str]) -> None:
+    for command in ("demo", "scan", "info", "export", "register", "laser-class"):
+        assert run([command, "--help"]) == 0
+        assert "Example" in capsys.readouterr().out
