@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from instrument.export.csv import holds_csv, write_csv
 from instrument.export.errors import ExportError
+from instrument.export.hdf5 import holds_h5, write_h5
+from instrument.export.las import holds_las, write_las
 from instrument.export.npz import arrays_of, holds_npz, write_npz
 from instrument.export.ply import holds_ply, write_ply
 from instrument.export.safely import write_safely
 from instrument.export.table import point_rows
+from instrument.export.tree import Tree
+from instrument.export.zarr_folder import holds_zarr, write_zarr
 from instrument.recording import Cloud, Recording
 
 
@@ -44,31 +49,47 @@ def export(recording: Recording, path: str | os.PathLike[str], waveforms: bool =
         If a line of the recording is damaged.
     """
     file = Path(path)
-    write = FORMATS.get(file.suffix.lower())
-    if write is None:
+    chosen = FORMATS.get(file.suffix.lower())
+    if chosen is None:
         raise ExportError(f"{file}: the ending '{file.suffix}' is not known; use one of {' '.join(FORMATS)}")
     if file.exists() and file.samefile(recording.path):
         raise ExportError(f"{file}: is the recording itself; give another name")
-    if waveforms:
-        raise ExportError(f"{file}: {file.suffix} has no place for traces")
+    if waveforms and not chosen.takes_traces:
+        able = " or ".join(suffix for suffix, entry in FORMATS.items() if entry.takes_traces)
+        raise ExportError(f"{file}: {file.suffix} has no place for traces; use {able}")
     cloud = recording.cloud()
-    write(cloud, file)
+    content = chosen.content(cloud, recording, waveforms)
+    write_safely(file, lambda name: chosen.write(name, content), lambda name: chosen.holds(name, content))
     return {"written": str(file), "points": int(cloud.has_range.sum())}
 
 
-def _ply(cloud: Cloud, path: Path) -> None:
-    table = point_rows(cloud)
-    write_safely(path, lambda file: write_ply(file, table), lambda file: holds_ply(file, table))
+@dataclass(frozen=True)
+class Format:
+    """How a format is written and proven; `content` makes what both take."""
+
+    content: Callable[[Cloud, Recording, bool], Any]
+    write: Callable[[Path, Any], None]
+    holds: Callable[[Path, Any], bool]
+    takes_traces: bool = False
 
 
-def _csv(cloud: Cloud, path: Path) -> None:
-    table = point_rows(cloud)
-    write_safely(path, lambda file: write_csv(file, table), lambda file: holds_csv(file, table))
+def _table(cloud: Cloud, _recording: Recording, _waveforms: bool) -> Any:
+    return point_rows(cloud)
 
 
-def _npz(cloud: Cloud, path: Path) -> None:
-    arrays = arrays_of(cloud)
-    write_safely(path, lambda file: write_npz(file, arrays), lambda file: holds_npz(file, arrays))
+def _arrays(cloud: Cloud, _recording: Recording, _waveforms: bool) -> Any:
+    return arrays_of(cloud)
 
 
-FORMATS: dict[str, Callable[[Cloud, Path], None]] = {".ply": _ply, ".csv": _csv, ".npz": _npz}
+def _tree(cloud: Cloud, recording: Recording, waveforms: bool) -> Any:
+    return Tree(arrays_of(cloud), recording, waveforms)
+
+
+FORMATS: dict[str, Format] = {
+    ".ply": Format(_table, write_ply, holds_ply),
+    ".csv": Format(_table, write_csv, holds_csv),
+    ".npz": Format(_arrays, write_npz, holds_npz),
+    ".las": Format(_table, write_las, holds_las),
+    ".h5": Format(_tree, write_h5, holds_h5, takes_traces=True),
+    ".zarr": Format(_tree, write_zarr, holds_zarr, takes_traces=True),
+}

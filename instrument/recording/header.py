@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+_TRACE = ("start_ps", "step_ps", "samples", "zero_code", "mv_per_code")
+
 
 def versions() -> dict[str, str]:
     """Get the versions of all that takes part in the numbers."""
@@ -84,6 +86,9 @@ def complete_header(header: Mapping[str, Any]) -> dict[str, Any]:
         count = raster.get(name)
         if not isinstance(count, int) or isinstance(count, bool) or count < 1:
             raise ValueError(f"raster.{name} of the header is {count!r}, not a whole number from 1 up")
+    trace = header.get("trace")
+    if trace is not None and not (isinstance(trace, Mapping) and set(_TRACE) <= set(trace)):
+        raise ValueError(f"the header's `trace` needs {', '.join(_TRACE)}")
     full: dict[str, Any] = plain({"versions": versions(), "calibration": None, **header})
     full.setdefault("calibration_digest", digest(full["calibration"]))
     return full

@@ -85,9 +85,23 @@ class Reader:
         return raster
 
     @property
+    def trace(self) -> dict[str, Any]:
+        """Get start_ps, step_ps, samples, zero_code, mv_per_code of the traces.
+
+        Raises
+        ------
+        RecordingError
+            If the recording is one without traces.
+        """
+        trace = self.header.get("trace")
+        if not isinstance(trace, dict):
+            raise RecordingError(self.path, "its header says nothing about traces")
+        return trace
+
+    @property
     def times_ps(self) -> NDArray[np.float64]:
         """Get the (S,) times of the samples of a trace, ps after the trigger."""
-        trace = self._trace()
+        trace = self.trace
         return np.asarray(trace["start_ps"] + trace["step_ps"] * np.arange(trace["samples"]), dtype=np.float64)
 
     def traces_mv(self, line: ScanLine) -> NDArray[np.float64]:
@@ -100,7 +114,7 @@ class Reader:
         """
         if line.sums is None:
             raise RecordingError(self.path, "was recorded without its traces", line=line.index)
-        trace = self._trace()
+        trace = self.trace
         codes = line.sums.astype(np.float64) / line.sweeps
         return np.asarray((codes - trace["zero_code"]) * trace["mv_per_code"], dtype=np.float64)
 
@@ -218,12 +232,6 @@ class Reader:
             raise RecordingError(self.path, "the check sum of the header does not fit", "restore it from a copy")
         header: dict[str, Any] = json.loads(text)
         return header
-
-    def _trace(self) -> dict[str, Any]:
-        trace = self.header.get("trace")
-        if not isinstance(trace, dict):
-            raise RecordingError(self.path, "its header says nothing about traces")
-        return trace
 
     def _rows(self, query: str) -> list[Any]:
         try:

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from instrument.export import ExportError, export
 from instrument.point_files import read_points
-from instrument.recording import Recording
+from instrument.recording import Recording, RecordingError
 from instrument.scan_line import Flag, ScanLine
 
-HEADER = {"raster": {"rows": 3, "columns": 5, "step_mm": 1.0, "mode": "sweep", "averages": 8}}
+HEADER = {
+    "raster": {"rows": 3, "columns": 5, "step_mm": 1.0, "mode": "sweep", "averages": 8},
+    "trace": {"start_ps": 6500.0, "step_ps": 6.7, "samples": 40, "zero_code": 40.0, "mv_per_code": 0.5},
+}
 
 
 @pytest.fixture
@@ -82,6 +88,67 @@ def test_the_same_recording_gives_the_same_bytes(recording: Recording, tmp_path:
     assert one.read_bytes() == two.read_bytes()
 
 
+def test_las_keeps_a_hundredth_of_a_micrometre(recording: Recording, tmp_path: Path) -> None:
+    laspy = pytest.importorskip("laspy", reason="LAS export needs the extra `formats`")
+    assert export(recording, tmp_path / "cloud.las")["points"] == 12
+    las = laspy.read(tmp_path / "cloud.las")
+    cloud = recording.cloud().with_range()
+    assert np.allclose(las.xyz, cloud.points_mm, rtol=0, atol=6e-6)
+    assert np.array_equal(las["response_mv"], cloud.response_mv)
+    assert las.intensity[0] == round(cloud.response_mv[0] * 100)
+
+
+def open_tree(path: Path) -> Any:
+    if path.suffix == ".h5":
+        return pytest.importorskip("h5py", reason="HDF5 export needs the extra `formats`").File(path)
+    return pytest.importorskip("zarr", reason="Zarr export needs the extra `formats`").open_group(str(path), mode="r")
+
+
+@pytest.mark.parametrize("suffix", [".h5", ".zarr"])
+@pytest.mark.parametrize("waveforms", [False, True])
+def test_trees_hold_points_and_traces(recording: Recording, tmp_path: Path, suffix: str, waveforms: bool) -> None:
+    target = tmp_path / f"scan{suffix}"
+    pytest.importorskip({".h5": "h5py", ".zarr": "zarr"}[suffix], reason="needs the extra `formats`")
+    export(recording, target, waveforms=waveforms)
+    export(recording, target, waveforms=waveforms)  # an older one is replaced
+    root = open_tree(target)
+    cloud = recording.cloud().with_range()
+    assert np.array_equal(root["points"]["points_mm"][...], cloud.points_mm)
+    assert np.array_equal(root["points"]["covariance_mm2"][...], cloud.covariance_mm2)
+    assert json.loads(root.attrs["header"])["raster"]["rows"] == 3
+    assert ("traces" in root) == waveforms
+    if waveforms:
+        traces = root["traces"]
+        assert traces["sums"].shape == (15, 40)
+        assert np.array_equal(traces["sums"][5:10], recording.line(1).sums)
+        assert traces["column"][5:10].tolist() == [4, 3, 2, 1, 0]
+        assert traces["flags"][6] == Flag.NO_ECHO
+        assert traces.attrs["step_ps"] == 6.7
+    if suffix == ".h5":
+        root.close()
+
+
+@pytest.mark.parametrize("suffix", [".las", ".h5"])
+def test_the_same_recording_gives_the_same_bytes_in_other_formats_too(
+    recording: Recording, tmp_path: Path, suffix: str
+) -> None:
+    pytest.importorskip({".h5": "h5py", ".las": "laspy"}[suffix], reason="needs the extra `formats`")
+    one, two = tmp_path / f"one{suffix}", tmp_path / f"two{suffix}"
+    export(recording, one)
+    export(recording, two)
+    assert one.read_bytes() == two.read_bytes()
+
+
+@pytest.mark.parametrize(("suffix", "name"), [(".h5", "h5py"), (".las", "laspy"), (".zarr", "zarr")])
+def test_a_missing_library_is_named_with_its_remedy(
+    recording: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, name: str
+) -> None:
+    monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(ExportError, match=rf"needs the library {name}.*pip install 'picoradar\[formats\]'"):
+        export(recording, tmp_path / f"cloud{suffix}")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["scan.db"]
+
+
 def test_csv_has_units_in_its_names(recording: Recording, tmp_path: Path) -> None:
     export(recording, tmp_path / "cloud.csv")
     first = (tmp_path / "cloud.csv").read_text().splitlines()[0]
@@ -105,7 +172,7 @@ def test_an_older_file_is_replaced_and_nothing_is_left_behind(recording: Recordi
 
 
 def test_what_is_refused(recording: Recording, tmp_path: Path) -> None:
-    with pytest.raises(ExportError, match=r"'\.step' is not known; use one of \.ply \.csv \.npz"):
+    with pytest.raises(ExportError, match=r"'\.step' is not known; use one of \.ply \.csv \.npz \.las"):
         export(recording, tmp_path / "cloud.step")
     with pytest.raises(ExportError, match="there is no folder"):
         export(recording, tmp_path / "nowhere" / "cloud.ply")
@@ -139,3 +206,24 @@ def test_a_failing_disk_leaves_the_old_file(
         export(recording, target)
     assert target.read_text() == "old"
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["cloud.ply", "scan.db"]
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".csv", ".npz", ".las", ".h5", ".zarr"])
+def test_a_recording_without_points_gives_a_file_without_points(tmp_path: Path, suffix: str) -> None:
+    if library := {".h5": "h5py", ".las": "laspy", ".zarr": "zarr"}.get(suffix):
+        pytest.importorskip(library, reason="needs the extra `formats`")
+    with Recording.create(tmp_path / "empty.db", HEADER) as recording:
+        assert export(recording, tmp_path / f"cloud{suffix}")["points"] == 0
+
+
+def test_traces_that_were_not_recorded_are_missed_in_words(tmp_path: Path) -> None:
+    pytest.importorskip("h5py", reason="HDF5 export needs the extra `formats`")
+    for name, header, refusal, words in (
+        ("empty", HEADER, ExportError, "holds no line"),
+        ("plain", {"raster": HEADER["raster"]}, RecordingError, "nothing about traces"),
+    ):
+        recording = Recording.create(tmp_path / f"{name}.db", header)
+        with pytest.raises(refusal, match=words):
+            export(recording, tmp_path / "scan.h5", waveforms=True)
+        recording.close()
+    assert not (tmp_path / "scan.h5").exists()

@@ -245,6 +245,8 @@ def test_create_refuses_what_it_must(path: Path, tmp_path: Path) -> None:
         Recording.create(tmp_path / "a.db", {"seed": 1})
     with pytest.raises(RecordingError, match=r"raster\.rows"):
         Recording.create(tmp_path / "a.db", {"raster": {"rows": 0, "columns": 3}})
+    with pytest.raises(RecordingError, match="`trace` needs start_ps"):
+        Recording.create(tmp_path / "a.db", {**HEADER, "trace": {"start_ps": 0}})
     with pytest.raises(RecordingError, match="JSON"):
         Recording.create(tmp_path / "a.db", {**HEADER, "settings": object()})
     assert not (tmp_path / "a.db").exists()
