@@ -49,12 +49,13 @@ def progress() -> Progress:
     """Get a progress display on stderr; it stays silent where stderr is no terminal."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+    screen = console()
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TextColumn("{task.fields[note]}"),
-        console=console(),
-        transient=False,
+        console=screen,
+        disable=not screen.is_terminal,
     )
