@@ -1,34 +1,28 @@
 """Sampling bridge: takes records shot by shot, and owns the gate in the laser's trigger line.
 
-The device half; blocks are made in `drivers.sbp`, frames are read in `drivers.sbp_frames` and put together
-in `drivers.sbp_records`. Source: protocol sheet ``sampling_bridge.md`` (SBP 1.0 and 1.1).
+The device half; the wire half is in `drivers.sbp`. Source: protocol sheet ``sampling_bridge.md`` (SBP 1.0 and 1.1).
 """
 
 from __future__ import annotations
 
 import contextlib
 import struct
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 from drivers import sbp
+from drivers.bridge_requests import BridgeRequests
+from drivers.bridge_runs import Run, RunReader
 from drivers.clock import Clock
-from drivers.errors import DeviceError, DeviceFault, LimitError, ProtocolError, Stall, Timeout
+from drivers.errors import DeviceError, DeviceFault, LimitError, ProtocolError
 from drivers.interfaces import Identity, Record, SamplerStatus, SweepSettings, WindowRecord
-from drivers.sbp import BadBlock, ConfigFlag, Configuration, ErrorCode, Gate, Request, State, StatusFlag, Window
-from drivers.sbp_frames import FrameParser
-from drivers.sbp_limits import check_sweep, check_table, femtoseconds
-from drivers.sbp_records import RecordAssembler, SpoiledRun
+from drivers.sbp import ConfigFlag, Configuration, Gate, Request, StatusFlag, Window
+from drivers.sbp.limits import check_sweep, check_table, femtoseconds
 from drivers.usb_link import UsbLink
-
-_Block = TypeVar("_Block")
 
 WATCHDOG_MS = 1000
 RETRIES = 2
-QUIET_S = 0.5  # a run is late when nothing comes within 3 records and this
-PACKET = 512
 _GATES = {Gate.OFF: "off", Gate.ON: "on", Gate.LOCKED: "locked"}
 
 
@@ -62,8 +56,6 @@ class SamplingBridge:
     ----------
     info, caps
         Identity and limits, as read at opening.
-    retried : int
-        Runs taken again since opening.
     """
 
     def __init__(self, link: UsbLink, *, retries: int = RETRIES) -> None:
@@ -71,12 +63,10 @@ class SamplingBridge:
         self.retries = retries
         self.info = sbp.Info(0, 0, 0, "", "", sbp.Feature(0))
         self.caps = sbp.Caps()
-        self.retried = 0
+        self._requests = BridgeRequests(link)
+        self._runs = RunReader(self._requests, self.caps, retries)
         self._configuration: Configuration | None = None
-        self._config_crc = 0
-        self._parser = FrameParser(self.caps.payload_max)
         self._counter = 0
-        self._noted: deque[sbp.ErrorEntry] = deque(maxlen=16)
 
     # Device
 
@@ -90,15 +80,15 @@ class SamplingBridge:
         """
         self.link.open()
         try:
-            self.info = self._block(Request.GET_INFO, 256, sbp.Info.decode)
-            self.caps = self._block(Request.GET_CAPS, 256, sbp.Caps.decode)
-            self._parser = FrameParser(self.caps.payload_max)
+            self.info = self._requests.block(Request.GET_INFO, 256, sbp.Info.decode)
+            self.caps = self._requests.block(Request.GET_CAPS, 256, sbp.Caps.decode)
+            self._runs = RunReader(self._requests, self.caps, self.retries)
             self._configuration = None
-            self._errors()
-            self._noted.clear()
+            self._requests.errors()
+            self._requests.noted.clear()
             self.gate_off()
             self.stop()
-            self._order(Request.SET_WATCHDOG, WATCHDOG_MS)
+            self._requests.order(Request.SET_WATCHDOG, WATCHDOG_MS)
         except DeviceError:
             self.link.close()
             raise
@@ -128,6 +118,11 @@ class SamplingBridge:
         return Identity(self.info.model, self.info.serial_number, f"firmware {high}.{low}")
 
     @property
+    def retried(self) -> int:
+        """Get how many runs were taken again since opening."""
+        return self._runs.retried
+
+    @property
     def supports_windows(self) -> bool:
         """Get whether the device takes records in windows (SBP 1.1)."""
         return bool(self.info.features & sbp.Feature.WINDOWS)
@@ -147,14 +142,14 @@ class SamplingBridge:
         DeviceFault
             With the device's reason: interlock open, not configured, locked out, no heartbeat.
         """
-        self._order(Request.LASER, 1, sbp.LASER_KEY)
-        if (gate := self._status().gate) is not Gate.ON:
+        self._requests.order(Request.LASER, 1, sbp.LASER_KEY)
+        if (gate := self._requests.status().gate) is not Gate.ON:
             raise DeviceFault(self.link.device, f"gate is {_GATES[gate]} after it was switched on")
 
     def gate_off(self) -> None:
         """Close the way for triggers to the laser, in every state of the device. Read back."""
-        self._order(Request.LASER, 0)
-        if self._status().gate is Gate.ON:
+        self._requests.order(Request.LASER, 0)
+        if self._requests.status().gate is Gate.ON:
             raise DeviceFault(self.link.device, "gate is still on after it was switched off", "cut the interlock chain")
 
     def clear_lockout(self) -> None:
@@ -166,20 +161,20 @@ class SamplingBridge:
             When the interlock is still open.
         """
         self.heartbeat()
-        self._order(Request.LASER, 2, sbp.LASER_KEY)
+        self._requests.order(Request.LASER, 2, sbp.LASER_KEY)
 
     def heartbeat(self) -> None:
         """Feed the device's watchdog once."""
         self._counter = (self._counter + 1) & 0xFFFFFFFF
-        self._order(Request.HEARTBEAT, 0, struct.pack("<I", self._counter))
+        self._requests.order(Request.HEARTBEAT, 0, struct.pack("<I", self._counter))
 
     def status(self) -> SamplerStatus:
         """Measure the present state; reads the device's error queue when something is in it."""
-        status = self._status()
+        status = self._requests.status()
         if status.flags & StatusFlag.ERROR_QUEUED:
-            self._noted.extend(self._errors())
-        problems = [str(entry) for entry in self._noted]
-        self._noted.clear()
+            self._requests.noted.extend(self._requests.errors())
+        problems = [str(entry) for entry in self._requests.noted]
+        self._requests.noted.clear()
         if status.flags & StatusFlag.WATCHDOG_TRIPPED and not problems:
             problems = ["watchdog has tripped"]
         return SamplerStatus(
@@ -256,8 +251,8 @@ class SamplingBridge:
             configuration = replace(configuration, records=records)
             self._configure(configuration)
         window = Window(configuration.start_fs, configuration.step_fs, configuration.samples, configuration.averages)
-        taken = self._run(run_id, [[window]], records, configuration, None)
-        return [record.windows[0] for record in taken]
+        run = Run(run_id, [[window]], records, configuration, _crc(configuration))
+        return [record.windows[0] for record in self._runs.take(run)]
 
     def take_windows(
         self, run_id: int, table: Sequence[Sequence[Window]], *, begin: Callable[[], None] | None = None
@@ -284,7 +279,7 @@ class SamplingBridge:
         if configuration is None or not configuration.flags & ConfigFlag.WINDOWS:
             raise DeviceFault(self.link.device, "is not configured for windows", "call configure_windows first")
         check_table(self.link.device, table, configuration.prf_hz, self.caps)
-        return self._run(run_id, table, len(table), configuration, begin)
+        return self._runs.take(Run(run_id, table, len(table), configuration, _crc(configuration), begin))
 
     def set_windows(self, table: Sequence[Sequence[Window]]) -> None:
         """Send a window table (SBP 1.1) to the device.
@@ -298,109 +293,11 @@ class SamplingBridge:
         """
         prf_hz = self._configuration.prf_hz if self._configuration is not None else self.caps.prf_max_hz
         check_table(self.link.device, table, prf_hz, self.caps)
-        self._order(Request.SET_WINDOWS, 0, sbp.encode_windows(table))
+        self._requests.order(Request.SET_WINDOWS, 0, sbp.encode_windows(table))
 
     def stop(self) -> None:
         """End the run at once and empty the queue."""
-        self._order(Request.STOP, 1)
-        self._order(Request.FLUSH, 0)
-        self._parser.clear()
-
-    # Runs
-
-    def _run(
-        self,
-        run_id: int,
-        table: Sequence[Sequence[Window]],
-        records: int,
-        configuration: Configuration,
-        begin: Callable[[], None] | None,
-    ) -> Iterator[WindowRecord]:
-        """Take a run; one that is spoiled is taken again, and records that were given before are left out."""
-        given = 0
-        for left in range(self.retries, -1, -1):
-            try:
-                for record in self._attempt(run_id, table, records, configuration, begin):
-                    if record.number >= given:
-                        given += 1
-                        yield record
-                return
-            except SpoiledRun as spoiled:
-                self.stop()
-                if not left:
-                    raise ProtocolError(
-                        self.link.device,
-                        f"run {run_id} was spoiled {self.retries + 1} times, last: {spoiled}",
-                        "check the USB cable and the load of this computer",
-                    ) from spoiled
-                self.retried += 1
-            except (DeviceFault, Timeout, GeneratorExit):
-                with contextlib.suppress(DeviceError):  # the first error is the one to tell
-                    self.stop()
-                raise
-
-    def _attempt(
-        self,
-        run_id: int,
-        table: Sequence[Sequence[Window]],
-        records: int,
-        configuration: Configuration,
-        begin: Callable[[], None] | None,
-    ) -> Iterator[WindowRecord]:
-        windows = bool(configuration.flags & ConfigFlag.WINDOWS)
-        if windows:
-            self._order(Request.SET_WINDOWS, 0, sbp.encode_windows(table))
-        assembler = RecordAssembler(self.caps, run_id, self._config_crc, table)
-        shots = max(sum(w.sweeps * (configuration.settle_shots + w.samples) for w in row) for row in table)
-        limit_s = 3 * shots / configuration.prf_hz + QUIET_S
-        self._order(Request.START, 0, struct.pack("<I", run_id))
-        if begin is not None:
-            begin()
-        done = 0
-        while done < records:
-            damaged = self._parser.bad_payloads + self._parser.bad_headers
-            for frame in self._parser.feed(self._read(limit_s)):
-                record = assembler.add(frame)
-                if record is not None:
-                    done += 1
-                    yield record
-            if self._parser.bad_payloads + self._parser.bad_headers > damaged:
-                raise SpoiledRun("a frame came damaged")
-        if windows:
-            self._order(Request.STOP, 1)
-
-    def _read(self, limit_s: float) -> bytes:
-        # One packet more than the longest frame, so that a zero-length packet at its end is taken with it.
-        longest = self.caps.header_length + self.caps.payload_max + 4
-        size = (longest // PACKET + 1) * PACKET
-        try:
-            return self.link.read(sbp.EP_DATA, size, timeout_s=limit_s)
-        except Stall as stall:
-            self.link.clear_halt(sbp.EP_DATA)
-            raise SpoiledRun("the data endpoint stalled") from stall
-        except Timeout as late:
-            self._explain(late, limit_s)
-            raise
-
-    def _explain(self, late: Timeout, limit_s: float) -> None:
-        """Ask the device why no data came, and raise what fits."""
-        status = self._status()
-        if status.state is State.FAULT or status.flags & StatusFlag.WATCHDOG_TRIPPED:
-            raise DeviceFault(
-                self.link.device,
-                f"is in state {status.state.name}: " + (", ".join(map(str, self._errors())) or "no error queued"),
-                "find the cause, then clear the lock-out",
-                code=int(ErrorCode.WATCHDOG_TRIPPED),
-            ) from late
-        if not status.flags & StatusFlag.TRIGGER_PRESENT:
-            raise DeviceFault(
-                self.link.device,
-                f"no triggers came within {limit_s:.1f} s",
-                "start the delay generator, check its cable",
-                code=int(ErrorCode.TRIGGER_LOST),
-            ) from late
-        if status.state is State.IDLE:
-            raise SpoiledRun(f"the run has ended and {status.frames_lost} frames were lost") from late
+        self._runs.stop()
 
     def _sweep_configuration(self) -> Configuration:
         configuration = self._configuration
@@ -410,43 +307,13 @@ class SamplingBridge:
 
     def _configure(self, configuration: Configuration) -> None:
         block = configuration.encode()
-        self._order(Request.SET_CONFIG, 0, block)
+        self._requests.order(Request.SET_CONFIG, 0, block)
         if (found := self.link.control_in(Request.GET_CONFIG, 0, 256)) != block:
             raise ProtocolError(self.link.device, f"configuration reads back as {found.hex(' ')}")
         self._configuration = configuration
-        self._config_crc = int.from_bytes(block[-4:], "little")
 
     # Requests
 
-    def _status(self) -> sbp.Status:
-        return self._block(Request.GET_STATUS, 64, sbp.Status.decode)
 
-    def _block(self, request: Request, size: int, decode: Callable[[bytes], _Block]) -> _Block:
-        try:
-            return decode(self.link.control_in(request, 0, size))
-        except BadBlock as error:
-            raise ProtocolError(self.link.device, f"answer to {request.name}: {error}") from error
-
-    def _order(self, request: Request, value: int, data: bytes = b"") -> None:
-        """Send a request that changes something; a refusal is explained from the error queue."""
-        try:
-            self.link.control_out(request, value, data)
-        except Stall as stall:
-            code = 0
-            for entry in self._errors():
-                if entry.request == request:
-                    code, reason = entry.code, entry
-                else:
-                    self._noted.append(entry)
-            what = f"refused {request.name}: {reason}" if code else f"refused {request.name} and gives no reason"
-            raise DeviceFault(self.link.device, what, code=code) from stall
-
-    def _errors(self) -> list[sbp.ErrorEntry]:
-        """Read the error queue empty."""
-        entries: list[sbp.ErrorEntry] = []
-        for _ in range(64):  # the queue is 16 deep; a device that never runs dry is left alone
-            entry = self._block(Request.GET_ERROR, 8, sbp.ErrorEntry.decode)
-            if entry.code == ErrorCode.OK:
-                break
-            entries.append(entry)
-        return entries
+def _crc(configuration: Configuration) -> int:
+    return int.from_bytes(configuration.encode()[-4:], "little")

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable
 
 from drivers.sbp import Caps
-from drivers.sbp_frames import Frame, FrameFlag, encode_frame
+from drivers.sbp.frames import Frame, FrameFlag, encode_frame
 
 
 class FrameQueue:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from drivers.clock import Clock, Timer
 from drivers.sbp import Caps, ConfigFlag, Configuration, ErrorCode, EventKind, Format, Gate, State, Window
-from drivers.sbp_frames import Frame, FrameFlag
+from drivers.sbp.frames import Frame, FrameFlag
 from sim.firmware.bridge_gate import TriggerGate
 from sim.firmware.bridge_queue import FrameQueue
 from sim.wires import Acquisition, SignalSource, TriggerLine

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers import sbp
-from drivers.sbp_frames import Frame, FrameFlag, FrameParser, encode_frame
+from drivers.sbp.frames import Frame, FrameFlag, FrameParser, encode_frame
 
 _TEXT = (Path(__file__).parents[1] / "golden" / "sampling_bridge.toml").read_text()
 GOLDEN = {name: bytes.fromhex(text) for name, text in tomllib.loads(_TEXT).items()}

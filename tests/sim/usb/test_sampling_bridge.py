@@ -13,7 +13,7 @@ from drivers.errors import DeviceFault, LimitError, LinkLost, ProtocolError, Sta
 from drivers.interfaces import SweepSettings
 from drivers.sampling_bridge import bridge_link
 from drivers.sbp import ErrorCode, Request, Window
-from drivers.sbp_frames import FrameFlag, FrameParser
+from drivers.sbp.frames import FrameFlag, FrameParser
 
 SWEEP = SweepSettings(start_ps=5000.0, step_ps=6.7, samples=1430, averages=8, settle_shots=16, prf_hz=80_000.0)
 

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 
 from drivers.errors import LimitError, check_range
 from drivers.interfaces import SweepSettings
-from drivers.sbp import Caps, Window
+from drivers.sbp.configuration import Window
+from drivers.sbp.identity import Caps
 
 DEAD_PS = 100_000.0  # a sweep ends at least 100 ns before the next trigger
 

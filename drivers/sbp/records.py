@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Record, WindowRecord
-from drivers.sbp import Caps, Format, Window
-from drivers.sbp_frames import Frame, FrameFlag
+from drivers.sbp.codes import Format
+from drivers.sbp.configuration import Window
+from drivers.sbp.frames import Frame, FrameFlag
+from drivers.sbp.identity import Caps
 
 
 class SpoiledRun(Exception):

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.sbp import Format
+from drivers.sbp.codes import Format
 
 MAGIC = b"SLRF"
 HEADER_1_0 = 48
@@ -126,6 +126,11 @@ class FrameParser:
         self.bad_payloads = 0
         self.skipped = 0
         self._rest = b""
+
+    @property
+    def damaged(self) -> int:
+        """Get the number of headers and payloads refused so far."""
+        return self.bad_headers + self.bad_payloads
 
     @property
     def waiting(self) -> int:
