@@ -55,6 +55,7 @@ class Reading(Generic[K, T]):
         self.kind = kind
         self.name = str(key)
         self.__doc__ = doc
+        self._integral: bool = issubclass(kind, int)
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
@@ -68,10 +69,18 @@ class Reading(Generic[K, T]):
             return self
         number = table.get_number(self.key)
         try:
-            return _as_kind(self.kind, number)
+            return self._as_kind(number)
         except ValueError as error:
             what = f"reports {self.name} {number:g}, which is no {self.kind.__name__}"
             raise ProtocolError(table.device, what) from error
+
+    def _as_kind(self, number: float) -> T:
+        """Read a number as the kind; a fraction is never cut off to make an integer."""
+        if not self._integral:
+            return self.kind(number)
+        if int(number) != number or (self.kind is bool and number not in (0, 1)):
+            raise ValueError(f"{number} is no {self.kind.__name__}")
+        return self.kind(int(number))
 
 
 class Control(Reading[K, T]):
@@ -104,16 +113,8 @@ class Control(Reading[K, T]):
             least, most = self.limits(table) if callable(self.limits) else self.limits
             check_range(table.device, self.name, value, least, most, self.unit)
         try:
-            number = _as_kind(self.kind, value)
+            number = self._as_kind(value)
         except ValueError as error:
             what = f"{self.name} {value!r} is no {self.kind.__name__}; nothing was sent"
             raise LimitError(table.device, what) from error
         table.set_number(self.key, number)
-
-
-def _as_kind(kind: type[T], number: float) -> T:
-    """Read a number as ``kind``; a fraction is never cut off to make an integer."""
-    integral: bool = issubclass(kind, int)
-    if integral and (int(number) != number or (kind is bool and number not in (0, 1))):
-        raise ValueError(f"{number} is no {kind.__name__}")
-    return kind(int(number)) if integral else kind(number)

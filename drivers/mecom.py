@@ -73,6 +73,15 @@ class Tec:
     stable_deviation_degc = _control(4040, "Control the band that counts as stable in degC (float).", "degC")
     stable_least_s = _control(4041, "Control how long it must stay in the band in s (float).", "s")
     stable_longest_s = _control(4042, "Control within what time it must be stable in s (float; 0: any).", "s")
+    largest_change_degc_per_s = _control(
+        4012, "Control the largest change before an error in degC/s (float).", "degC/s"
+    )
+    static_current_a = _control(2020, "Control the current of the static mode in A (float from -4 to 4).", "A")
+    static_voltage_v = _control(2021, "Control the voltage of the static mode in V (float from -21 to 21).", "V")
+    current_threshold_a = _control(2032, "Control the current that makes an error in A (float from 0 to 5.6).", "A")
+    voltage_threshold_v = _control(2033, "Control the voltage that makes an error in V (float from 0 to 25).", "V")
+    reply_delay_us = Control(2052, int, "Control the delay of answers in us (int from 0 to 1e6).", limits=(0, 1e6))
+    live_enable = Control(50000, bool, "Control the output in mode `OutputEnable.LIVE` (bool).", limits=(0, 1))
     output_stage_input = Control(2000, OutputStageInput, "Control what drives the output (`OutputStageInput`).")
     output_enable = Control(2010, OutputEnable, "Control the output (`OutputEnable`).")
     flash_saving_off = Control(108, bool, "Control whether settings stay out of the flash (bool).", limits=(0, 1))
@@ -171,6 +180,10 @@ class Tec:
     def emergency_stop(self) -> None:
         """Switch all outputs off at once (``ES``); leaves error 11 until `reset`."""
         self.session.request("ES")
+
+    def save(self) -> None:
+        """Save all settings to flash now (``SP``; firmware 6 and later)."""
+        self.session.request("SP")
 
     def reset(self) -> None:
         """Restart the device (``RS``), which clears an error, and wait until it answers again.

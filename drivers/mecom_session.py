@@ -6,12 +6,16 @@ A retry uses the same number, so that a late answer to the first try still count
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 from drivers.errors import DeviceFault, ProtocolError, Timeout, check_range
 from drivers.mecom_parameters import PARAMETERS, Kind, Parameter
 from drivers.mecom_wire import (
     ALL_ADDRESSES,
     END,
     REFUSALS,
+    Frame,
     crc16,
     decode,
     decode_float,
@@ -23,6 +27,19 @@ from drivers.mecom_wire import (
 from drivers.serial_link import SerialLink
 
 TRIES = 3
+LONGEST_ANSWER = 1024
+
+
+class Metadata(NamedTuple):
+    """What ``?VM`` tells of a parameter; bits of ``flags``: 0 readable, 1 writable."""
+
+    kind: Kind
+    flags: int
+    instances: int
+    elements: int
+    least: float
+    most: float
+    value: float
 
 
 class MeCom:
@@ -60,32 +77,55 @@ class MeCom:
         LinkLost
             When the port has vanished.
         """
-        telegram = self._next(self.address, payload)
+        sequence, telegram = self._next(self.address, payload)
         for left in reversed(range(TRIES)):
             self.link.write(telegram)
             try:
-                answer = self._answer_to(telegram, payload)
+                answer = self._answer_to(payload, sequence, crc16(telegram[:-5]))
                 break
             except (Timeout, ProtocolError):
                 if not left:
                     raise
-        if answer.startswith("+"):
-            code = int(answer[1:], 16)
+        if (code := answer.refusal) is not None:
             meaning = REFUSALS.get(code, "device specific refusal")
             raise DeviceFault(self.link.device, f"refused {payload}: {code:02X}, {meaning}", code=code)
-        return answer
+        return answer.payload
 
     def broadcast(self, payload: str) -> None:
         """Send one telegram to all devices on the line; none answers."""
-        self.link.write(self._next(ALL_ADDRESSES, payload))
+        self.link.write(self._next(ALL_ADDRESSES, payload)[1])
 
     def get(self, number: int, *, instance: int = 1) -> float:
         """Read one parameter (``?VR``); an integer comes as a whole float."""
+        return self._value(PARAMETERS[number], self.request(f"?VR{number:04X}{instance:02X}"))
+
+    def get_several(self, numbers: Sequence[int], *, instance: int = 1) -> list[float]:
+        """Read several parameters in one exchange (``?VX``)."""
+        rows = [PARAMETERS[number] for number in numbers]
+        ids = "".join(f"{row.number:04X}{1 if row.common else instance:02X}" for row in rows)
+        digits = self._of_length(f"?VX{len(rows):02X}{ids}", 8 * len(rows))
+        return [self._value(row, digits[8 * i : 8 * i + 8]) for i, row in enumerate(rows)]
+
+    def limits(self, number: int, *, instance: int = 1) -> tuple[float, float]:
+        """Get the least and most value that the device takes for a parameter (``?VL``)."""
         row = PARAMETERS[number]
-        return self._value(row, self.request(f"?VR{number:04X}{instance:02X}"))
+        digits = self._of_length(f"?VL{number:04X}{instance:02X}", 16)
+        return self._value(row, digits[:8]), self._value(row, digits[8:])
+
+    def metadata(self, number: int, *, instance: int = 1) -> Metadata:
+        """Get what the device tells of a parameter (``?VM``)."""
+        row = PARAMETERS[number]
+        digits = self._of_length(f"?VM{number:04X}{instance:02X}", 38)
+        try:
+            kind, flags, instances = Kind(int(digits[0:2], 16)), int(digits[2:4], 16), int(digits[4:6], 16)
+            elements = int(digits[6:14], 16)
+        except ValueError as error:
+            raise ProtocolError(self.link.device, f"{digits!r} is no metadata of {row.name}") from error
+        values = [self._value(row, digits[i : i + 8]) for i in (14, 22, 30)]
+        return Metadata(kind, flags, instances, elements, *values)
 
     def set(self, number: int, value: float, *, instance: int = 1) -> None:
-        """Set one parameter (``VS``) of which the range is the table's.
+        """Set one parameter (``VS``) within the range of the table.
 
         Raises
         ------
@@ -97,21 +137,21 @@ class MeCom:
         digits = encode_float(value) if row.kind is Kind.FLOAT else encode_int(int(value))
         self.request(f"VS{number:04X}{instance:02X}{digits}")
 
-    def _next(self, address: int, payload: str) -> bytes:
-        telegram = encode("#", address, self._sequence, payload)
-        self._sequence = (self._sequence + 1) & 0xFFFF
-        return telegram
+    def _next(self, address: int, payload: str) -> tuple[int, bytes]:
+        sequence = self._sequence
+        self._sequence = (sequence + 1) & 0xFFFF
+        return sequence, encode("#", address, sequence, payload)
 
-    def _answer_to(self, telegram: bytes, payload: str) -> str:
-        """Read until the answer to ``telegram`` comes; a spoilt one is remembered for the message."""
-        clock = self.link.clock
-        sent = decode(telegram)
-        command_crc = crc16(telegram[:-5])
-        end = clock.now() + self.link.timeout_s
+    def _answer_to(self, payload: str, sequence: int, command_crc: int) -> Frame:
+        """Read until the answer with this number comes; a spoilt one is remembered for the message."""
+        wanted = ("!", self.address, sequence)
+        is_query = payload.startswith("?")
+        clock, limit_s = self.link.clock, self.link.timeout_s
+        end = clock.now() + limit_s
         spoilt: bytes | None = None
         while (left_s := end - clock.now()) > 0:
             try:
-                line = self.link.read_until(END, timeout_s=left_s, limit=256)
+                line = self.link.read_until(END, timeout_s=left_s, limit=LONGEST_ANSWER)
             except Timeout:
                 break
             try:
@@ -119,18 +159,23 @@ class MeCom:
             except ValueError:
                 spoilt = line
                 continue
-            if (frame.control, frame.address, frame.sequence) != ("!", sent.address, sent.sequence):
-                continue
-            is_query = payload.startswith("?")
-            if (frame.is_intact and (is_query or frame.refusal is not None)) or (
-                not is_query and frame.acknowledges(command_crc)
-            ):
-                return frame.payload
+            if frame[:3] != wanted:
+                continue  # a late answer to an earlier telegram, or another device's
+            if frame.is_intact and (is_query or frame.refusal is not None):
+                return frame
+            if not is_query and frame.acknowledges(command_crc):
+                return frame
             spoilt = line
         if spoilt is not None:
             raise ProtocolError(self.link.device, f"spoilt answer {spoilt!r} to {payload}", "check the baud rate")
-        what = f"no answer to {payload} within {self.link.timeout_s:g} s"
+        what = f"no answer to {payload} within {limit_s:g} s"
         raise Timeout(self.link.device, what, "check power, cable, baud rate and address")
+
+    def _of_length(self, payload: str, length: int) -> str:
+        answer = self.request(payload)
+        if len(answer) != length:
+            raise ProtocolError(self.link.device, f"answered {answer!r} to {payload}, not {length} digits")
+        return answer
 
     def _value(self, row: Parameter, digits: str) -> float:
         try:

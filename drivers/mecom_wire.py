@@ -7,13 +7,16 @@ sequence number (4), payload, CRC-16/XMODEM over all of that (4), and CR.
 from __future__ import annotations
 
 import binascii
+import re
 import struct
-from dataclasses import dataclass
+from typing import NamedTuple
 
 END = b"\r"
 ANY_ADDRESS = 0x00
 ALL_ADDRESSES = 0xFF
-SHORTEST = 11  # control, address, sequence, CRC
+
+_REFUSAL = re.compile(r"\+([0-9A-F]{2})")
+_FRAME = re.compile(rb"([#!])([0-9A-F]{2})([0-9A-F]{4})([ -~]*)([0-9A-F]{4})")
 
 REFUSALS = {
     0x01: "command not available",
@@ -56,8 +59,7 @@ ERRORS = {
 }
 
 
-@dataclass(frozen=True)
-class Frame:
+class Frame(NamedTuple):
     """One frame taken apart; ``crc`` is as received and not judged yet, ``own_crc`` is what it should be."""
 
     control: str
@@ -79,9 +81,8 @@ class Frame:
     @property
     def refusal(self) -> int | None:
         """Get the code of a refusal (``+`` and two hex digits); None for any other answer."""
-        if len(self.payload) == 3 and self.payload.startswith("+"):
-            return int(self.payload[1:], 16)
-        return None
+        match = _REFUSAL.fullmatch(self.payload)
+        return int(match[1], 16) if match else None
 
 
 def crc16(data: bytes) -> int:
@@ -105,20 +106,18 @@ def decode(line: bytes) -> Frame:
     ValueError
         When the line holds no frame, or other than capital hex digits where they are due.
     """
-    start = max(line.rfind(b"#"), line.rfind(b"!"))
-    body = line[start:].removesuffix(END)
-    if start < 0 or len(body) < SHORTEST:
+    body = line[max(line.rfind(b"#"), line.rfind(b"!"), 0) :].removesuffix(END)
+    match = _FRAME.fullmatch(body)
+    if match is None:
         raise ValueError(f"{line!r} is no frame")
-    text = body.decode("ascii")
-    if not text.isprintable():
-        raise ValueError(f"control characters in {line!r}")
+    control, address, sequence, payload, crc = match.groups()
     return Frame(
-        control=text[0],
-        address=_hex(text[1:3]),
-        sequence=_hex(text[3:7]),
-        payload=text[7:-4],
-        crc=_hex(text[-4:]),
-        own_crc=crc16(body[:-4]),
+        control.decode("ascii"),
+        int(address, 16),
+        int(sequence, 16),
+        payload.decode("ascii"),
+        int(crc, 16),
+        crc16(body[:-4]),
     )
 
 
@@ -128,8 +127,14 @@ def encode_float(value: float) -> str:
 
 
 def decode_float(digits: str) -> float:
-    """Read a FLOAT32 from its eight hex digits."""
-    return float(struct.unpack(">f", _hex(digits, 8).to_bytes(4, "big"))[0])
+    """Read a FLOAT32 from its eight hex digits.
+
+    Raises
+    ------
+    ValueError
+        When they are not eight capital hex digits.
+    """
+    return float(struct.unpack(">f", _four_bytes(digits))[0])
 
 
 def encode_int(value: int) -> str:
@@ -138,12 +143,17 @@ def encode_int(value: int) -> str:
 
 
 def decode_int(digits: str) -> int:
-    """Read an INT32 from its eight hex digits."""
-    return int(struct.unpack(">i", _hex(digits, 8).to_bytes(4, "big"))[0])
+    """Read an INT32 from its eight hex digits.
+
+    Raises
+    ------
+    ValueError
+        When they are not eight capital hex digits.
+    """
+    return int(struct.unpack(">i", _four_bytes(digits))[0])
 
 
-def _hex(digits: str, length: int | None = None) -> int:
-    """Read capital hex digits, and nothing else that ``int`` would take (signs, blanks, underscores)."""
-    if not digits or digits.strip("0123456789ABCDEF") or (length is not None and len(digits) != length):
-        raise ValueError(f"{digits!r} are no {length or ''} capital hex digits")
-    return int(digits, 16)
+def _four_bytes(digits: str) -> bytes:
+    if len(digits) != 8 or digits.strip("0123456789ABCDEF"):
+        raise ValueError(f"{digits!r} are not eight capital hex digits")
+    return bytes.fromhex(digits)

@@ -158,7 +158,9 @@ class SerialLink:
         try:
             if port.timeout != limit_s:
                 port.timeout = limit_s
-            chunk = port.read(max(1, port.in_waiting))
+            chunk = port.read(port.in_waiting or 1)
+            if more := port.in_waiting:
+                chunk += port.read(more)
         except _PORT_ERRORS as error:
             self._lost(error)
         self._received += chunk

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 
 class LineReader:
     """Collects bytes until an end-of-line byte.
@@ -16,21 +18,24 @@ class LineReader:
     """
 
     def __init__(self, ends: bytes, limit: int) -> None:
-        self.ends = ends
+        self._ends = re.compile(b"[" + re.escape(ends) + b"]")
         self.limit = limit
         self._line = bytearray()
 
     def feed(self, data: bytes) -> list[bytes]:
         """Take bytes and return the lines that they complete, without their ends."""
         lines = []
-        for byte in data:
-            if byte in self.ends:
-                lines.append(bytes(self._line))
-                self._line.clear()
-            elif len(self._line) <= self.limit:
-                self._line.append(byte)
+        *ended, rest = self._ends.split(data)
+        for piece in ended:
+            self._take(piece)
+            lines.append(bytes(self._line))
+            self._line.clear()
+        self._take(rest)
         return lines
 
     def clear(self) -> None:
         """Forget the half line."""
         self._line.clear()
+
+    def _take(self, piece: bytes) -> None:
+        self._line += piece[: self.limit + 1 - len(self._line)]

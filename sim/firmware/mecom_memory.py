@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from drivers.clock import Clock, Timer
 from drivers.mecom_parameters import PARAMETERS
 
@@ -38,14 +40,13 @@ class Memory:
     ----------
     clock : Clock
         Time of the bench.
-    address : int
-        Device address, parameter 2051.
+    own : mapping
+        Parameters that differ from device to device: type, serial number, address.
     """
 
-    def __init__(self, clock: Clock, address: int) -> None:
+    def __init__(self, clock: Clock, own: Mapping[int, float]) -> None:
         self.clock = clock
-        self.values: dict[int, float] = {number: DEFAULTS.get(number, 0.0) for number in PARAMETERS}
-        self.values[2051] = address
+        self.values = dict.fromkeys(PARAMETERS, 0.0) | DEFAULTS | dict(own)
         self.flash_writes = 0
         self._flash = dict(self.values)
         self._timer: Timer | None = None

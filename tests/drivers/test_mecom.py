@@ -8,7 +8,7 @@ import pytest
 
 from drivers.errors import DeviceFault, LimitError, ProtocolError, Timeout
 from drivers.mecom import Tec
-from drivers.mecom_parameters import DeviceStatus, OutputEnable, Stability
+from drivers.mecom_parameters import DeviceStatus, Kind, OutputEnable, OutputStageInput, Stability
 from drivers.mecom_session import MeCom
 from drivers.mecom_wire import crc16, decode, decode_float, decode_int, encode, encode_float, encode_int
 from sim.firmware.mecom import TecFirmware
@@ -46,9 +46,12 @@ class Block:
         self.clock = clock
         self.degc = temperature_degc
         self.current_a = 0.0
+        self.held_degc = None
         self._since = 0.0
 
     def temperature_degc(self):
+        if self.held_degc is not None:
+            return self.held_degc
         elapsed = self.clock.now() - self._since
         self._since = self.clock.now()
         settled = 21.0 + 15.0 * self.current_a
@@ -113,12 +116,9 @@ def test_telegrams_printed_alone(telegram):
     assert encode(frame.control, frame.address, frame.sequence, frame.payload) == telegram
 
 
-def test_printed_telegrams_by_the_firmware(clock, played):
-    class Constant(Block):
-        def temperature_degc(self):
-            return decode_float("41CD2F28")
-
-    firmware = TecFirmware(clock, Constant(clock), device_type=1089)
+def test_printed_telegrams_by_the_firmware(clock, block, played):
+    block.held_degc = decode_float("41CD2F28")
+    firmware = TecFirmware(clock, block, device_type=1089)
     for telegram, answer in PRINTED:
         assert played(firmware, telegram) == answer
 
@@ -133,7 +133,7 @@ def test_computed_telegrams_by_the_firmware(clock, block, played):
     assert played(firmware, COMPUTED[6][0]) == COMPUTED[6][1]
     clock.sleep(300)
     assert played(firmware, COMPUTED[5][0]) == COMPUTED[5][1]
-    block.temperature_degc = lambda: 23.04
+    block.held_degc = 23.04
     for i in (1, 7, 4, 9, 8):
         assert played(firmware, COMPUTED[i][0]) == COMPUTED[i][1]
 
@@ -226,7 +226,7 @@ def test_warm_up_to_stable(tec, firmware, clock, block):
     status = tec.status()
     assert (status.regulating, status.stable, status.target_degc, status.problem) == (True, False, 23.0, "")
     assert tec.device_status is DeviceStatus.RUN
-    assert clock.wait(lambda: firmware.loop.stability is Stability.STABLE, 300)
+    assert clock.wait(lambda: firmware.device.loop.stability is Stability.STABLE, 300)
     assert tec.status().stable
     assert tec.temperature_degc == pytest.approx(23.0, abs=0.1)
     tec.off()
@@ -330,3 +330,67 @@ def test_spoilt_and_foreign_frames_get_no_answer(firmware, played):
 
 def test_several_values_at_once(tec):
     assert tec.session.request("?VX02006401006801") == "0000044300000001"
+    assert tec.session.get_several([100, 1001, 3000]) == [1091, 21.5, 25.0]
+
+
+def test_limits_and_metadata(tec):
+    assert tec.session.limits(2030) == (0.0, 4.0)
+    found = tec.session.metadata(2010)
+    assert (found.kind, found.flags, found.instances, found.elements) == (Kind.INT, 3, 1, 1)
+    assert (found.least, found.most, found.value) == (0, 3, 0)
+
+
+def test_broadcast_reaches_the_device_without_an_answer(tec, clock):
+    tec.regulate(23.0)
+    tec.session.broadcast("ES")
+    clock.sleep(0.1)
+    assert tec.error_number == 11
+
+
+def test_rate_falls_back_after_silence(tec, firmware, clock):
+    tec.session.request(f"CS{encode_int(9600)}")
+    clock.sleep(0.1)
+    assert firmware.baud == 9600
+    clock.sleep(4.5)
+    tec.status()
+    clock.sleep(4.5)
+    assert firmware.baud == 9600
+    clock.sleep(1.0)
+    assert firmware.baud == 57600
+
+
+def test_ramp_leads_the_temperature(tec, clock, block):
+    tec.ramp_degc_per_s = 0.05
+    tec.proximity_degc = 0.0
+    tec.regulate(23.0)
+    clock.sleep(20)
+    assert tec.nominal_degc == pytest.approx(22.0, abs=0.02)
+    assert 21.5 < tec.temperature_degc < 22.0  # a PI loop trails a ramp
+    clock.sleep(40)
+    assert tec.nominal_degc == pytest.approx(23.0, abs=1e-5)
+
+
+def test_static_current(tec, clock, block):
+    tec.output_stage_input = OutputStageInput.STATIC
+    tec.static_current_a = -0.5
+    tec.output_enable = OutputEnable.ON
+    clock.sleep(1)
+    assert block.current_a == -0.5
+    assert (tec.output_a, tec.output_v) == (-0.5, -1.0)
+    assert tec.stability is Stability.NOT_REGULATING
+
+
+def test_live_output_needs_live_enable(tec, clock, block):
+    tec.output_enable = OutputEnable.LIVE
+    assert tec.device_status is DeviceStatus.READY
+    tec.live_enable = True
+    assert tec.device_status is DeviceStatus.RUN
+
+
+def test_device_is_silent_while_it_starts(tec, clock):
+    tec.session.request("RS")
+    assert tec.device_status is DeviceStatus.ABOUT_TO_RESET
+    clock.sleep(0.3)
+    before = clock.now()
+    assert tec.device_status is DeviceStatus.READY  # by a retry
+    assert clock.now() - before > 0.8
