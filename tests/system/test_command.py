@@ -74,13 +74,15 @@ def test_the_files_of_the_demo_can_be_used_by_the_other_commands(
     for ending in ("ply", "csv", "npz"):
         code, exported, _ = call("export", folder / "scan.db", "-o", tmp_path / f"cloud.{ending}", "--json")
         assert (code, exported["points"]) == (0, result["scan"]["points"])
-    for cloud in (folder / "scan.db", tmp_path / "cloud.csv"):
+    pose = np.array(result["registration"]["model_from_scanner"])
+    points = trimesh.load(folder / "cloud.ply").vertices
+    # The table knows neither covariances nor neighbours, so its pose differs a little; the recording's may not.
+    for cloud, allowed_mm in ((folder / "scan.db", 1e-6), (tmp_path / "cloud.csv", 0.5)):
         landmarks = ["--landmarks", folder / "landmarks.json"]
         code, registered, _ = call("register", cloud, folder / "model.stl", *landmarks, "--json")
         assert code == 0
-        np.testing.assert_allclose(
-            registered["model_from_scanner"], result["registration"]["model_from_scanner"], atol=0.02
-        )
+        moved = np.array(registered["model_from_scanner"]) - pose
+        assert np.linalg.norm(points @ moved[:3, :3].T + moved[:3, 3], axis=1).max() < allowed_mm
     code, scanned, _ = call(
         "scan", "--settings", folder / "settings.toml", "--grid", "2x3", "-o", tmp_path / "again.db", "--json"
     )
