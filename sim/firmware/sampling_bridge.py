@@ -1,5 +1,5 @@
 # ruff: noqa: ARG002 (the arguments are those of the UsbFirmware protocol)
-"""Firmware of the simulated sampling bridge, SBP 1.0 or 1.1: control requests, status, errors and events.
+"""Firmware of the simulated sampling bridge, SBP 1.0 or 1.1: control requests and status.
 
 Source: protocol sheet ``sampling_bridge.md``. The gate is in `sim.firmware.bridge_gate`, the acquisition in
 `sim.firmware.bridge_run`, the checks of configurations in `sim.firmware.bridge_checks`.
@@ -8,21 +8,19 @@ Source: protocol sheet ``sampling_bridge.md``. The gate is in `sim.firmware.brid
 from __future__ import annotations
 
 import struct
-from collections import deque
 
 from drivers import sbp
 from drivers.clock import Clock
 from drivers.sbp import ErrorCode, EventKind, Request, State, StatusFlag
 from sim.firmware.bridge_checks import Refused, check_configuration, check_windows
 from sim.firmware.bridge_gate import TriggerGate
+from sim.firmware.bridge_reports import Reports
 from sim.firmware.bridge_run import Acquirer
 from sim.usb.descriptors import BULK, INTERRUPT, Configuration, Device, Endpoint, Interface
 from sim.usb.firmware import Setup, UsbStall
 from sim.wires import InterlockChain, SignalSource, TriggerLine
 
 MODEL = "SLR sampling bridge"
-ERRORS_MAX = 16
-EVENTS_MAX = 32
 CAPS_1_0 = sbp.Caps()
 CAPS_1_1 = sbp.Caps(version=sbp.VERSION_1_1, header_length=52, windows_max=8, entries_max=252)
 _FEATURES_1_0 = sbp.Feature(0x0F)
@@ -69,6 +67,7 @@ class SamplingBridgeFirmware:
     ----------
     gate : TriggerGate
     acquirer : Acquirer
+    reports : Reports
     """
 
     def __init__(
@@ -89,12 +88,10 @@ class SamplingBridgeFirmware:
         features = _FEATURES_1_1 if version == sbp.VERSION_1_1 else _FEATURES_1_0
         self.info = sbp.Info(version, 1, 0x0102, serial_number, MODEL, features)
         self.interlock = interlock
-        self._errors: deque[sbp.ErrorEntry] = deque()
-        self._events: deque[bytes] = deque(maxlen=EVENTS_MAX)
-        self._started = clock.now()
+        self.reports = Reports(clock)
         self._configuration = b""
         self.gate = TriggerGate(clock, interlock, self.caps, self._gate_changed, self._watchdog_tripped)
-        self.acquirer = Acquirer(clock, trigger, source, self.gate, self.caps, self)
+        self.acquirer = Acquirer(clock, trigger, source, self.gate, self.caps, self.reports)
         interlock.on_change(self._interlock_changed)
 
     @property
@@ -118,7 +115,7 @@ class SamplingBridgeFirmware:
                 return b""
             raise Refused(ErrorCode.UNKNOWN_REQUEST, setup.request)
         except Refused as refused:
-            self._queue_error(refused.code, setup.request, refused.detail)
+            self.reports.error(refused.code, refused.detail, request=setup.request)
             raise UsbStall(str(refused)) from refused
 
     def receive(self, endpoint: int, data: bytes) -> bool:
@@ -129,7 +126,7 @@ class SamplingBridgeFirmware:
         """Give the next frame or event."""
         if endpoint == sbp.EP_DATA:
             return self.acquirer.take()
-        return self._events.popleft() if self._events else None
+        return self.reports.pop_event()
 
     def configured(self, value: int) -> None:
         """Close the gate and end the run when the device is unconfigured."""
@@ -161,8 +158,7 @@ class SamplingBridgeFirmware:
                     raise Refused(ErrorCode.NOT_CONFIGURED)
                 answer = self._configuration
             case Request.GET_ERROR:
-                entry = self._errors.popleft() if self._errors else sbp.ErrorEntry(ErrorCode.OK, 0, 0, 0)
-                return sbp.ErrorEntry(entry.code, entry.request, len(self._errors), entry.detail).encode()
+                return self.reports.pop_error().encode()
             case _:
                 raise Refused(ErrorCode.UNKNOWN_REQUEST, setup.request)
         if setup.value:
@@ -235,10 +231,9 @@ class SamplingBridgeFirmware:
         self.gate.reset()
         self.acquirer.reset()
         self._configuration = b""
-        self._errors.clear()
-        self._events.clear()
+        self.reports.clear()
 
-    # Status, errors and events
+    # Status
 
     def status(self) -> sbp.Status:
         """Get the status block."""
@@ -249,16 +244,16 @@ class SamplingBridgeFirmware:
             StatusFlag.TRIGGER_PRESENT: prf_hz > 0,
             StatusFlag.FRAMES_LOST: acquirer.queue.lost > 0,
             StatusFlag.WATCHDOG_TRIPPED: self.gate.watchdog_tripped,
-            StatusFlag.CLIPPING_SEEN: acquirer.clipping_seen,
+            StatusFlag.CLIPPING_SEEN: acquirer.taker.clipping_seen,
             StatusFlag.CONFIGURED: bool(self._configuration),
             StatusFlag.CLOCK_LOCKED: True,
-            StatusFlag.ERROR_QUEUED: bool(self._errors),
+            StatusFlag.ERROR_QUEUED: len(self.reports) > 0,
         }
         return sbp.Status(
             state=acquirer.state,
             gate=self.gate.state,
             flags=StatusFlag(sum(flag for flag, on in flags.items() if on)),
-            errors=len(self._errors),
+            errors=len(self.reports),
             watchdog_ms=int(self.gate.left_s * 1000),
             run_id=acquirer.run_id,
             records=acquirer.records_done,
@@ -267,36 +262,16 @@ class SamplingBridgeFirmware:
             version=self.info.version,
         )
 
-    def error(self, code: ErrorCode, detail: int = 0) -> None:
-        """Queue an error that no request caused."""
-        self._queue_error(code, 0, detail)
-
-    def event(self, kind: EventKind, argument: int = 0) -> None:
-        """Send an event; of events that nobody reads only the latest are kept."""
-        self._event(kind, ErrorCode.OK, argument)
-
-    def _queue_error(self, code: ErrorCode, request: int, detail: int) -> None:
-        entry = sbp.ErrorEntry(code, request, 0, detail)
-        if len(self._errors) < ERRORS_MAX:
-            self._errors.append(entry)
-        else:
-            self._errors[-1] = sbp.ErrorEntry(ErrorCode.QUEUE_FULL, request, 0, detail)
-        self._event(EventKind.ERROR, code, 0)
-
-    def _event(self, kind: EventKind, code: ErrorCode, argument: int) -> None:
-        time_ms = round((self.clock.now() - self._started) * 1000)
-        self._events.append(sbp.Event(kind, code, self.acquirer.run_id, argument, time_ms & 0xFFFFFFFF).encode())
-
     def _gate_changed(self) -> None:
-        self.event(EventKind.GATE, self.gate.state)
+        self.reports.event(EventKind.GATE, self.gate.state)
 
     def _watchdog_tripped(self) -> None:
-        self._event(EventKind.WATCHDOG, ErrorCode.WATCHDOG_TRIPPED, 0)
-        self.error(ErrorCode.WATCHDOG_TRIPPED)
+        self.reports.event(EventKind.WATCHDOG, 0, ErrorCode.WATCHDOG_TRIPPED)
+        self.reports.error(ErrorCode.WATCHDOG_TRIPPED)
         self.acquirer.abandon(State.FAULT)
 
     def _interlock_changed(self, closed: bool) -> None:
-        self.event(EventKind.INTERLOCK, int(closed))
+        self.reports.event(EventKind.INTERLOCK, int(closed))
 
 
 def _u32(data: bytes) -> int:
