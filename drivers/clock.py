@@ -59,6 +59,12 @@ class Clock(Protocol):
     def run_due(self) -> None:
         """Run the timers that are due now; returns at once if there are none."""
 
+    def port_wait_s(self, seconds: float) -> float:
+        """Turn a time limit of this clock into one that a serial port understands.
+
+        A port of the operating system counts wall time; the ports of a bench on a virtual clock count its time.
+        """
+
 
 class _Timers:
     """The heap of timers that all three clocks share."""
@@ -124,6 +130,9 @@ class ScaledClock(_Timers):
     def now(self) -> float:
         return (time.monotonic() - self._start) * self.factor
 
+    def port_wait_s(self, seconds: float) -> float:
+        return seconds / self.factor
+
     def sleep(self, seconds: float) -> None:
         end = self.now() + seconds
         while True:
@@ -174,6 +183,13 @@ class VirtualClock(_Timers):
 
     def now(self) -> float:
         return self._now
+
+    def port_wait_s(self, seconds: float) -> float:
+        return seconds
+
+    def next_due(self) -> float | None:
+        """Get the moment of the next timer; None when there is none."""
+        return self._next_due()
 
     def advance_to(self, moment: float) -> None:
         """Move to ``moment`` (or stay, if it has passed), running what falls due on the way.

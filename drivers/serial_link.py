@@ -8,12 +8,14 @@ pyserial, of termios and of the operating system to ours.
 from __future__ import annotations
 
 import contextlib
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import serial
 
 from drivers.clock import Clock
 from drivers.errors import LinkLost, ProtocolError, Timeout
+from drivers.port_trouble import remedy_for
+from drivers.transcript import Transcript
 
 SLICE_S = 0.05  # longest wait inside the port, so that timers (heartbeats) run on a real clock too
 
@@ -43,11 +45,19 @@ class SerialLink:
         Bits per second; 8 data bits, no parity, 1 stop bit (all devices of this bench).
     timeout_s : float
         Default time limit of one answer.
+
+    Attributes
+    ----------
+    transcript : Transcript or None
+        Where every byte both ways is written down; None (the default) for nowhere.
     """
+
+    transcript: Transcript | None = None
 
     def __init__(self, url: str, clock: Clock, *, device: str, baud: int, timeout_s: float = 1.0) -> None:
         self.url = url
         self.clock = clock
+        self.name = device
         self.device = f"{device} ({url})"
         self.baud = baud
         self.timeout_s = timeout_s
@@ -70,12 +80,19 @@ class SerialLink:
         if self._port is not None:
             return
         try:
-            port = serial.serial_for_url(self.url, baudrate=self.baud, timeout=SLICE_S, write_timeout=self.timeout_s)
+            port = serial.serial_for_url(
+                self.url,
+                baudrate=self.baud,
+                timeout=self.clock.port_wait_s(SLICE_S),
+                write_timeout=self.clock.port_wait_s(self.timeout_s),
+                exclusive=True,
+            )
         except ValueError as error:
             raise LinkLost(self.device, f"{self.url!r} is no port or URL: {error}", "check the settings") from error
         except _PORT_ERRORS as error:
-            raise LinkLost(self.device, f"cannot open the port: {error}", _remedy(error)) from error
+            raise LinkLost(self.device, f"cannot open the port: {error}", remedy_for(self.url, error)) from error
         self._port = port
+        self._note("open", url=self.url, baud=self.baud)
         self.discard_input()
 
     def close(self) -> None:
@@ -87,6 +104,7 @@ class SerialLink:
                 *_PORT_ERRORS
             ):  # a vanished port cannot be closed in order; it is given up either way
                 port.close()
+            self._note("close")
 
     def write(self, data: bytes) -> None:
         """Send all of ``data``.
@@ -104,6 +122,7 @@ class SerialLink:
             raise Timeout(self.device, f"did not take {len(data)} bytes", "check cable and handshake") from error
         except _PORT_ERRORS as error:
             self._lost(error)
+        self._note("write", data)
 
     def read_until(self, terminator: bytes, *, timeout_s: float | None = None, limit: int = 4096) -> bytes:
         """Read up to and including ``terminator``.
@@ -154,7 +173,7 @@ class SerialLink:
     def _receive(self, left_s: float) -> int:
         """Wait up to one slice for bytes, take all that are there, and return how many came."""
         port = self._opened()
-        limit_s = min(left_s, SLICE_S)
+        limit_s = self.clock.port_wait_s(min(left_s, SLICE_S))
         try:
             if port.timeout != limit_s:
                 port.timeout = limit_s
@@ -164,6 +183,8 @@ class SerialLink:
         except _PORT_ERRORS as error:
             self._lost(error)
         self._received += chunk
+        if chunk:
+            self._note("read", chunk)
         self.clock.run_due()
         return len(chunk)
 
@@ -172,14 +193,11 @@ class SerialLink:
             raise LinkLost(self.device, "the port is not open", "connect first")
         return self._port
 
+    def _note(self, what: str, data: bytes | None = None, **more: Any) -> None:
+        if self.transcript is not None:
+            self.transcript.note(self.clock.now(), self.name, what, data, **more)
+
     def _lost(self, error: BaseException) -> NoReturn:
+        self._note("lost", error=str(error))
         self.close()
         raise LinkLost(self.device, f"the port has gone: {error}", "plug the cable in and connect again") from error
-
-
-def _remedy(error: BaseException) -> str:
-    if isinstance(error, PermissionError) or getattr(error, "errno", None) == 13:
-        return "the port exists but this account may not open it: add it to the port's group (often dialout)"
-    if getattr(error, "errno", None) == 2:
-        return "no such port: check the name in the settings, and that the device is plugged in"
-    return "check that it is plugged in and that no other program has it open"

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from functools import partial
 from typing import Protocol
 
 from drivers.clock import VirtualClock
+
+WHOLE = 1 << 20  # bytes, more than any answer has
 
 
 class SerialFirmware(Protocol):
@@ -38,9 +41,15 @@ class SerialWire:
         The device; its ``baud`` sets the pace.
     clock : VirtualClock
         Time of the bench.
+
+    Attributes
+    ----------
+    piece_bytes : int
+        How many bytes reach the host at a time; an answer that is not longer comes whole, with its last byte.
     """
 
     def __init__(self, firmware: SerialFirmware, clock: VirtualClock) -> None:
+        self.piece_bytes = WHOLE
         self.firmware = firmware
         self.clock = clock
         self.plugged = True
@@ -74,9 +83,12 @@ class SerialWire:
         self._to_host.clear()
 
     def _send(self, data: bytes, delay_s: float) -> None:
-        begin = max(self.clock.now() + delay_s, self._device_line_free)
-        self._device_line_free = begin + 10 * len(data) / self.firmware.baud
-        self.clock.call_at(self._device_line_free, lambda: self._arrive(data))
+        arrival = max(self.clock.now() + delay_s, self._device_line_free)
+        for at in range(0, len(data), self.piece_bytes):
+            piece = data[at : at + self.piece_bytes]
+            arrival += 10 * len(piece) / self.firmware.baud
+            self.clock.call_at(arrival, partial(self._arrive, piece))
+        self._device_line_free = arrival
 
     def _arrive(self, data: bytes) -> None:
         if self.host_open and self.plugged:

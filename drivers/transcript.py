@@ -1,0 +1,132 @@
+"""What crossed the links of a bench, byte for byte: written when asked for, read back to replay a bug report.
+
+A transcript is a text file of JSON objects, one a line. The first one is ``{"transcript": "picoradar", "version": 1}``,
+each other one is an event of a link:
+
+``time_s``
+    Device time (seconds of the bench's clock).
+``link``
+    Name of the device, as in its messages.
+``what``
+    ``open``, ``close`` and ``lost`` for the link itself; ``write`` and ``read`` for bytes to and from the device;
+    ``control_out``, ``control_in`` and ``clear_halt`` for USB.
+``data``
+    The bytes, in hex.
+``error``
+    Where the device refused (``stall``).
+
+An ``open`` tells how the link was opened (``url`` and ``baud``, or the USB descriptors); USB transfers have
+``endpoint``, control transfers ``request`` and ``value``. A read that brought nothing is left out.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+HEAD = {"transcript": "picoradar", "version": 1}
+
+
+@dataclass(frozen=True)
+class Event:
+    """One line of a transcript.
+
+    Attributes
+    ----------
+    time_s : float
+    link, what : str
+    data : bytes
+    more : dict
+        All other keys.
+    """
+
+    time_s: float
+    link: str
+    what: str
+    data: bytes = b""
+    more: dict[str, Any] = field(default_factory=dict)
+
+
+class Transcript:
+    """A transcript that is being written; each line is in the file at once.
+
+    Parameters
+    ----------
+    path : Path
+        File to make.
+
+    Raises
+    ------
+    OSError
+        When it exists already or cannot be made.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("x", encoding="utf-8", buffering=1)
+        self._file.write(json.dumps(HEAD) + "\n")
+
+    def note(self, time_s: float, link: str, what: str, data: bytes | None = None, **more: Any) -> None:
+        """Write one event."""
+        event: dict[str, Any] = {"time_s": round(time_s, 6), "link": link, "what": what, **more}
+        if data is not None:
+            event["data"] = bytes(data).hex()
+        self._file.write(json.dumps(event) + "\n")
+
+    def close(self) -> None:
+        """Close the file; links write nothing more into it."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def read_transcript(path: Path) -> list[Event]:
+    """Read a transcript.
+
+    Raises
+    ------
+    ValueError
+        When it is none, or a line of it is damaged: with file, line and what is wrong. A last line without its end
+        (the program was killed) is left out.
+    """
+    with path.open(encoding="utf-8") as file:
+        lines = file.read().splitlines(keepends=True)
+    if not lines or _parsed(path, 1, lines[0]) != HEAD:
+        raise ValueError(f"{path}: no transcript of picoradar (version 1)")
+    return list(_events(path, lines[1:]))
+
+
+def _events(path: Path, lines: list[str]) -> Iterator[Event]:
+    for number, line in enumerate(lines, 2):
+        if not line.endswith("\n"):
+            return
+        table = _parsed(path, number, line)
+        try:
+            yield Event(
+                float(table.pop("time_s")),
+                str(table.pop("link")),
+                str(table.pop("what")),
+                bytes.fromhex(table.pop("data", "")),
+                table,
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"{path}, line {number}: no event of a transcript: {error!r}") from error
+
+
+def _parsed(path: Path, number: int, line: str) -> dict[str, Any]:
+    try:
+        table = json.loads(line)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"{path}, line {number}: not JSON: {error}") from error
+    if not isinstance(table, dict):
+        raise ValueError(f"{path}, line {number}: not a JSON object")
+    return table
