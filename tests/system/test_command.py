@@ -17,7 +17,7 @@ from instrument.cli.main import run
 Called = tuple[int, dict[str, Any], str]
 
 
-@pytest.fixture()
+@pytest.fixture
 def call(capsys: pytest.CaptureFixture[str]):
     def _call(*arguments: object) -> Called:
         capsys.readouterr()
