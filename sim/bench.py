@@ -28,6 +28,8 @@ from sim.truth import BenchTruth
 from sim.usb.backend import SimUsbBackend
 from sim.wires import InterlockChain, TriggerLine
 
+TUNED = {3010: 400.0, 3011: 5.0}  # Kp in % of the current limit per K, Ti in s
+
 
 class SimulatedBench:
     """Five devices and the light between them; reached by unchanged drivers through `urls` and `usb_backend`.
@@ -85,6 +87,7 @@ class SimulatedBench:
         self.dg645 = Dg645Firmware(self.clock, self.trigger, self.interlock)
         self.genesys = GenesysFirmware(self.clock, self.interlock)
         self.tec = TecFirmware(self.clock, self.block)
+        self._tune(self.tec)
         self.optics = Optics(
             self.clock, checked, self.noise, self.trigger, self.genesys, self.block, self.mirrors, self.scene
         )
@@ -115,6 +118,13 @@ class SimulatedBench:
             {"name": name, "scanner": seen.tolist(), "model": point.tolist()}
             for (name, point), seen in zip(named.items(), points, strict=True)
         ]
+
+    @staticmethod
+    def _tune(tec: TecFirmware) -> None:
+        """Leave the temperature controller as its own tuning leaves it on this diode block, kept in its flash."""
+        for number, value in TUNED.items():
+            tec.memory.set(number, value)
+        tec.memory.save()
 
     def close(self) -> None:
         """Take the ports away; harmless when called twice."""
