@@ -38,6 +38,13 @@ class Links(Section):
     bridge_serial: str = Field("", description="serial number of the sampling bridge; empty: the only one on the bus")
     usb_backend: str = Field("", description="module:function that makes a pyusb backend; empty: libusb")
     usb_address: str = Field("", description="argument of that function")
+    speed: float = Field(1.0, gt=0, le=50, description="pace of a served simulated bench; real devices run at 1")
+
+    @model_validator(mode="after")
+    def _real_devices_run_at_1(self) -> Links:
+        if self.speed != 1.0 and not self.usb_backend:
+            raise ValueError("speed is for the bench that `picoradar sim` serves; real devices run at speed 1")
+        return self
 
 
 class PulserSettings(Section):

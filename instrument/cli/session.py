@@ -12,7 +12,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from drivers.clock import WallClock
+from drivers.clock import ScaledClock
 from drivers.interfaces import Identity, TemperatureStatus
 from instrument.calibration import Calibration
 from instrument.cli import output
@@ -61,7 +61,7 @@ def session(settings: Settings, speed: float | None) -> Iterator[Session]:
     simulated = Simulated(settings, speed) if settings.bench == "simulated" else None
     try:
         if simulated is None:
-            bench = make_bench(settings.links, WallClock())
+            bench = make_bench(settings.links, ScaledClock(settings.links.speed))
         else:
             bench = make_bench(simulated.links, simulated.clock, simulated.usb_backend)
         controller = Controller(bench, settings)
