@@ -11,7 +11,6 @@ from drivers.numerals import read_number
 from drivers.serial_link import SerialLink
 
 LONGEST_REPLY = 256
-MOST_LATE = 32  # replies that may be under way after a failure
 LATE_S = 0.1  # a reply that comes later than this after a failure is not waited for
 
 
@@ -129,7 +128,6 @@ class Dg645Session:
             return
         self.link.drain(quiet_s=LATE_S)
         self.link.write(encode("") + encode("*IDN?"))
-        if not any(",DG645," in self._reply() for _ in range(MOST_LATE)):
-            raise ProtocolError(self.device, f"{MOST_LATE} lines, and none says that it is a DG645", "check the port")
+        self.link.read_match(REPLY_END, lambda line: (b",DG645," in line) or None, limit=LONGEST_REPLY)
         self.link.drain(quiet_s=LATE_S)
         self._in_step = True

@@ -14,7 +14,6 @@ from drivers.serial_link import SerialLink
 ANSWER_S = 0.5
 TRIES = 3
 LATE_S = 0.1  # a reply that comes later than this after a failure is not waited for
-MOST_LATE = 32  # messages that may come before the one that is waited for
 LONGEST_REPLY = 256
 SWITCHES = ("OUT", "AST", "FLD")
 SWITCH = {"ON": 1, "OFF": 0}
@@ -105,19 +104,18 @@ class GenesysSession:
 
     def _exchange(self, text: str) -> str:
         self.link.write(encode(text, with_checksum=self.checksum))
-        return self._reply()
+        return self.link.read_match(END, self._solicited, timeout_s=ANSWER_S, limit=LONGEST_REPLY)
 
-    def _reply(self) -> str:
-        for _ in range(MOST_LATE):
-            line = self.link.read_until(END, timeout_s=ANSWER_S, limit=LONGEST_REPLY)
-            try:
-                text = decode(line, with_checksum=self.checksum and not line.startswith(b"!"))
-            except ValueError as error:
-                raise ProtocolError(self.device, f"unreadable reply: {error}", "check the baud rate") from error
-            if unsolicited_from(text) is None:
-                return text
-            self.unsolicited += 1
-        raise ProtocolError(self.device, f"{MOST_LATE} unsolicited messages, and no reply among them")
+    def _solicited(self, line: bytes) -> str | None:
+        """Get the text of a reply; None for a message that came unasked."""
+        try:
+            text = decode(line, with_checksum=self.checksum and not line.startswith(b"!"))
+        except ValueError as error:
+            raise ProtocolError(self.device, f"unreadable reply: {error}", "check the baud rate") from error
+        if unsolicited_from(text) is None:
+            return text
+        self.unsolicited += 1
+        return None
 
     def _synchronise(self) -> None:
         """After a failure, drop what comes late: nothing before the answer to ``IDN?`` counts."""
@@ -126,7 +124,10 @@ class GenesysSession:
         self.link.drain(quiet_s=LATE_S)
         self._exchange(f"ADR {self.address}")
         self.link.write(encode("IDN?", with_checksum=self.checksum))
-        if not any(self._reply().startswith(("LAMBDA", "TDK")) for _ in range(MOST_LATE)):
-            raise ProtocolError(self.device, f"{MOST_LATE} replies, and none says that it is a Genesys")
+        self.link.read_match(END, self._identity, timeout_s=ANSWER_S, limit=LONGEST_REPLY)
         self.link.drain(quiet_s=LATE_S)
         self._in_step = True
+
+    def _identity(self, line: bytes) -> str | None:
+        text = self._solicited(line)
+        return text if text is not None and text.startswith(("LAMBDA", "TDK")) else None

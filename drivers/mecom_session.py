@@ -146,30 +146,31 @@ class MeCom:
         """Read until the answer with this number comes; a spoilt one is remembered for the message."""
         wanted = ("!", self.address, sequence)
         is_query = payload.startswith("?")
-        clock, limit_s = self.link.clock, self.link.timeout_s
-        end = clock.now() + limit_s
         spoilt: bytes | None = None
-        while (left_s := end - clock.now()) > 0:
-            try:
-                line = self.link.read_until(END, timeout_s=left_s, limit=LONGEST_ANSWER)
-            except Timeout:
-                break
+
+        def match(line: bytes) -> Frame | None:
+            nonlocal spoilt
             try:
                 frame = decode(line)
             except ValueError:
                 spoilt = line
-                continue
+                return None
             if frame[:3] != wanted:
-                continue  # a late answer to an earlier telegram, or another device's
+                return None  # a late answer to an earlier telegram, or another device's
             if frame.is_intact and (is_query or frame.refusal is not None):
                 return frame
             if not is_query and frame.acknowledges(command_crc):
                 return frame
             spoilt = line
-        if spoilt is not None:
-            raise ProtocolError(self.link.device, f"spoilt answer {spoilt!r} to {payload}", "check the baud rate")
-        what = f"no answer to {payload} within {limit_s:g} s"
-        raise Timeout(self.link.device, what, "check power, cable, baud rate and address")
+            return None
+
+        try:
+            return self.link.read_match(END, match, limit=LONGEST_ANSWER)
+        except Timeout as error:
+            if spoilt is None:
+                raise
+            what = f"spoilt answer {spoilt!r} to {payload}"
+            raise ProtocolError(self.link.device, what, "check the baud rate") from error
 
     def _of_length(self, payload: str, length: int) -> str:
         answer = self.request(payload)

@@ -8,7 +8,8 @@ pyserial, of termios and of the operating system to ours.
 from __future__ import annotations
 
 import contextlib
-from typing import Any, NoReturn
+from collections.abc import Callable
+from typing import Any, NoReturn, TypeVar
 
 import serial
 
@@ -26,6 +27,8 @@ except ImportError:  # not a POSIX system: this kind of error cannot occur
     class _TermiosError(Exception):  # type: ignore[no-redef]
         pass
 
+
+T = TypeVar("T")
 
 _PORT_ERRORS = (serial.SerialException, OSError, _TermiosError)
 
@@ -63,6 +66,7 @@ class SerialLink:
         self.timeout_s = timeout_s
         self._port: serial.Serial | None = None
         self._received = bytearray()
+        self._asked = b""  # what was sent last, for the message of a timeout
 
     @property
     def is_open(self) -> bool:
@@ -116,6 +120,7 @@ class SerialLink:
         Timeout
             When the device does not take the bytes.
         """
+        self._asked = data
         try:
             self._opened().write(data)
         except serial.SerialTimeoutException as error:
@@ -137,25 +142,49 @@ class SerialLink:
             When the port has vanished.
         """
         limit_s = self.timeout_s if timeout_s is None else timeout_s
+        return self._read_line(terminator, self.clock.now() + limit_s, limit_s, limit)
+
+    def read_match(
+        self,
+        terminator: bytes,
+        match: Callable[[bytes], T | None],
+        *,
+        timeout_s: float | None = None,
+        limit: int = 4096,
+    ) -> T:
+        """Read lines until ``match(line)`` is not None and return that; the other lines are dropped.
+
+        Parameters
+        ----------
+        terminator : bytes
+            What ends a line.
+        match : callable
+            Judges one line, with its terminator.
+        timeout_s : float, optional
+            Time limit of all lines together (default: the link's).
+        limit : int
+            Longest line.
+
+        Raises
+        ------
+        Timeout, ProtocolError, LinkLost
+            As `read_until` does.
+        """
+        limit_s = self.timeout_s if timeout_s is None else timeout_s
         end = self.clock.now() + limit_s
-        while (at := self._received.find(terminator)) < 0:
-            if len(self._received) >= limit:
-                tail = bytes(self._received[-16:])
-                raise ProtocolError(self.device, f"{limit} bytes without an end of line; last {tail!r}")
-            left_s = end - self.clock.now()
-            if left_s <= 0:
-                came = f"only {bytes(self._received)!r}" if self._received else "nothing"
-                remedy = "check power, cable and baud rate"
-                raise Timeout(self.device, f"no answer within {limit_s:g} s, {came} came", remedy)
-            self._receive(left_s)
-        line = bytes(self._received[: at + len(terminator)])
-        del self._received[: len(line)]
-        return line
+        while True:
+            found = match(self._read_line(terminator, end, limit_s, limit))
+            if found is not None:
+                return found
 
     def drain(self, *, quiet_s: float, limit: int = 4096) -> bytes:
-        """Read until the line has been quiet for ``quiet_s`` (or ``limit`` bytes came) and return what came."""
+        """Read until the line has been quiet for ``quiet_s`` and return what came.
+
+        A line that does not get quiet is left after the link's time limit, or ``limit`` bytes.
+        """
         end = self.clock.now() + quiet_s
-        while (left_s := end - self.clock.now()) > 0 and len(self._received) < limit:
+        last = end + self.timeout_s
+        while (left_s := min(end, last) - self.clock.now()) > 0 and len(self._received) < limit:
             if self._receive(left_s):
                 end = self.clock.now() + quiet_s
         got = bytes(self._received)
@@ -169,6 +198,21 @@ class SerialLink:
             self._opened().reset_input_buffer()
         except _PORT_ERRORS as error:
             self._lost(error)
+
+    def _read_line(self, terminator: bytes, end: float, limit_s: float, limit: int) -> bytes:
+        while (at := self._received.find(terminator)) < 0:
+            if len(self._received) >= limit:
+                tail = bytes(self._received[-16:])
+                raise ProtocolError(self.device, f"{limit} bytes without an end of line; last {tail!r}")
+            left_s = end - self.clock.now()
+            if left_s <= 0:
+                came = f"only {bytes(self._received)!r}" if self._received else "nothing"
+                remedy = "check power, cable and baud rate"
+                raise Timeout(self.device, f"no answer to {self._asked!r} within {limit_s:g} s, {came} came", remedy)
+            self._receive(left_s)
+        line = bytes(self._received[: at + len(terminator)])
+        del self._received[: len(line)]
+        return line
 
     def _receive(self, left_s: float) -> int:
         """Wait up to one slice for bytes, take all that are there, and return how many came."""

@@ -28,7 +28,6 @@ from drivers.tc200_wire import (
 BAUD = 115200
 LEAST_DEGC, MOST_DEGC = 20.0, 205.0
 LONGEST_ANSWER = 512
-MOST_LATE = 8  # answers to earlier commands that may come first
 LATE_S = 0.1
 
 T = TypeVar("T")
@@ -219,16 +218,17 @@ class TC200:
             self.link.drain(quiet_s=LATE_S)
         self._in_step = False
         self.link.write(encode(text))
-        for _ in range(MOST_LATE):
-            received = self.link.read_until(PROMPT, limit=LONGEST_ANSWER)
+
+        def match(received: bytes) -> str | None:
             try:
                 echo, answer = split_answer(received)
             except ValueError as error:
                 raise ProtocolError(self.device, f"unreadable answer: {error}", "check the baud rate") from error
-            if echo.strip() == text:
-                self._in_step = True
-                return answer
-        raise ProtocolError(self.device, f"{MOST_LATE} answers, and none to {text}")
+            return answer if echo.strip() == text else None
+
+        answer = self.link.read_match(PROMPT, match, limit=LONGEST_ANSWER)
+        self._in_step = True
+        return answer
 
     def _switch(self, *, on: bool) -> None:
         if (Status.ENABLED in self.status_bits) is not on:

@@ -120,7 +120,7 @@ def test_heats_to_its_target_and_goes_off(heater, clock, block):
     assert controller.status().stable
     controller.close()
     assert block.current_a == 0
-    assert clock._next_due() is None
+    assert clock.next_due() is None
 
 
 def test_settings_survive_a_round_trip(heater):
