@@ -105,11 +105,11 @@ def open_database(path: Path, *, writing: bool) -> sqlite3.Connection:
     if not path.is_file():
         raise RecordingError(path, "there is no such file", "give the path of a recording")
     try:
-        connection = _connect(path, "rw" if writing else "ro")
-        application = connection.execute("PRAGMA application_id").fetchone()[0]
-        layout = connection.execute("PRAGMA user_version").fetchone()[0]
+        connection, application, layout = _open_known(path, "rw" if writing else "ro")
     except sqlite3.Error as error:
-        raise from_sqlite(path, error) from error
+        if getattr(error, "sqlite_errorcode", 0) != sqlite3.SQLITE_READONLY_ROLLBACK:
+            raise from_sqlite(path, error) from error
+        connection, application, layout = _open_after_recovery(path)
     if application != APPLICATION_ID or layout > LAYOUT:
         connection.close()
         if application != APPLICATION_ID:
@@ -122,6 +122,21 @@ def open_database(path: Path, *, writing: bool) -> sqlite3.Connection:
             connection.close()
             raise from_sqlite(path, error) from error
     return connection
+
+
+def _open_known(path: Path, mode: str) -> tuple[sqlite3.Connection, int, int]:
+    connection = _connect(path, mode)
+    application = connection.execute("PRAGMA application_id").fetchone()[0]
+    return connection, application, connection.execute("PRAGMA user_version").fetchone()[0]
+
+
+def _open_after_recovery(path: Path) -> tuple[sqlite3.Connection, int, int]:
+    """Open for reading what was broken off in the last step of `to_one_file`; only a writer may undo that step."""
+    try:
+        _open_known(path, "rw")[0].close()
+        return _open_known(path, "ro")
+    except sqlite3.Error as error:
+        raise from_sqlite(path, error) from error
 
 
 def _connect(path: Path, mode: str) -> sqlite3.Connection:

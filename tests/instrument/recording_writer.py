@@ -16,20 +16,20 @@ from instrument.scan_line import ScanLine
 ROWS, COLUMNS, SAMPLES = 100_000, 40, 300
 
 
-def make_line(index: int) -> ScanLine:
+def make_line(index: int, columns: int = COLUMNS, samples: int = SAMPLES) -> ScanLine:
     """Return the line that every program makes of this index."""
     rng = np.random.default_rng(index)
     return ScanLine(
         index=index,
-        columns=np.arange(COLUMNS, dtype=np.int32),
-        angles_rad=rng.normal(size=(COLUMNS, 2)),
-        points_mm=rng.normal(size=(COLUMNS, 3)),
-        covariance_mm2=rng.normal(size=(COLUMNS, 3, 3)),
-        range_mm=rng.normal(size=COLUMNS),
-        range_variance_mm2=rng.normal(size=COLUMNS),
-        response_mv=rng.normal(size=COLUMNS),
-        flags=np.zeros(COLUMNS, dtype=np.uint16),
-        sums=rng.integers(0, 2040, (COLUMNS, SAMPLES)).astype(np.uint16),
+        columns=np.arange(columns, dtype=np.int32),
+        angles_rad=rng.normal(size=(columns, 2)),
+        points_mm=rng.normal(size=(columns, 3)),
+        covariance_mm2=rng.normal(size=(columns, 3, 3)),
+        range_mm=rng.normal(size=columns),
+        range_variance_mm2=rng.normal(size=columns),
+        response_mv=rng.normal(size=columns),
+        flags=np.zeros(columns, dtype=np.uint16),
+        sums=rng.integers(0, 2040, (columns, samples)).astype(np.uint16),
         sweeps=8,
         device_time_s=float(index),
     )

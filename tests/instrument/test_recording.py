@@ -6,6 +6,7 @@ import dataclasses
 import sqlite3
 import stat
 import sys
+import textwrap
 from pathlib import Path
 
 import numpy as np
@@ -277,3 +278,21 @@ def test_nothing_is_written_after_the_end(path: Path) -> None:
         assert recording.cloud().rows.tolist() == [0] * 6
         with pytest.raises(RecordingError, match="the scan was closed"):
             recording.append(make_line(1))
+
+
+def test_the_ten_lines_of_the_documentation_read_the_points(
+    path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (Path(__file__).parents[2] / "docs" / "recording.md").read_text(encoding="utf-8")
+    example = text.split("nothing but its standard library:\n")[1].split("In MATLAB")[0]
+    write(path.with_name("scan.db"))
+    monkeypatch.chdir(path.parent)
+    space: dict[str, sqlite3.Connection] = {}
+    exec(textwrap.dedent(example), space)
+    space["scan"].close()
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    with Recording.open("scan.db") as recording:
+        cloud = recording.cloud().with_range()
+    assert np.array_equal(np.array(rows, dtype=float)[:, 2:5], cloud.points_mm)
+    assert np.array_equal(np.array(rows, dtype=float)[:, :2], cloud.grid)
+    assert np.array_equal(np.array(rows, dtype=float)[:, 5], cloud.response_mv)

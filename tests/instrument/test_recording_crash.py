@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import importlib.util
+import json
+import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -205,3 +208,26 @@ def test_two_programs_cannot_write_at_the_same_time(tmp_path: Path, writer: Modu
     with Recording.resume(path) as recording:
         assert recording.done == [0, 1]
     assert [entry.name for entry in tmp_path.iterdir()] == ["scan.db"]
+
+
+def test_a_disk_that_fails_at_any_of_its_write_calls(tmp_path: Path) -> None:
+    """Every pwrite, fsync and ftruncate of a whole scan fails once, and from then on; see failing_disk.py."""
+    compiler = shutil.which("cc")
+    if compiler is None or sys.platform != "linux":
+        pytest.skip(reason="needs a C compiler and LD_PRELOAD")
+    here = Path(__file__).parent
+    shim = tmp_path / "failing_disk.so"
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", shim, here / "failing_disk.c", "-ldl"], check=True)
+    memory = Path("/dev/shm")  # what a call returns is tested here, not how long a disk takes for it
+    with tempfile.TemporaryDirectory(dir=memory if memory.is_dir() else tmp_path) as folder:
+        done = subprocess.run(
+            [sys.executable, here / "failing_disk.py", folder],
+            env={**os.environ, "LD_PRELOAD": str(shim)},
+            capture_output=True,
+            check=True,
+        )
+    for outcome in json.loads(done.stdout):
+        assert outcome["runs"] > 40, outcome
+        assert outcome["failed"] >= 0.8 * outcome["runs"], outcome
+        wrong = ("lost_lines", "damaged_lines", "unreadable", "false_ends", "not_resumed")
+        assert {name: outcome[name] for name in wrong} == dict.fromkeys(wrong, 0), done.stderr.decode()
