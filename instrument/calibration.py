@@ -16,8 +16,9 @@ from scipy.interpolate import PchipInterpolator
 
 from instrument.errors import BadInput
 
-Method = Literal["half-maximum"]
+Method = Literal["half-maximum", "template"]
 FORMAT: Literal[1] = 1
+PEAK_ROOM_PS = 400.0
 
 
 class _Part(BaseModel):
@@ -94,15 +95,55 @@ class Walk(_Part):
 
 
 class ShotNoise(_Part):
-    """Noise of a single sample beyond the floor that each trace shows between its pulses.
+    """Noise of a single sample of a single sweep.
 
-    Variance at a signal s with slope s': ``signal_mv s + (signal_share s)^2 + (jitter_ps s')^2``; the terms are
-    shot noise of the photodiode, energy of the laser pulse, and sampling instant against the laser.
+    Variance at a signal s with slope s': ``floor_mv^2 + signal_mv s + (signal_share s)^2 + (jitter_ps s')^2``; the terms
+    are bridge, amplifier and A/D, shot noise of the photodiode, energy of the laser pulse, and sampling instant against
+    the laser. Every sample is a shot of its own, so the noise of different samples is independent.
     """
 
+    floor_mv: float = Field(0.0, ge=0, le=100, description="sd between the pulses; 0: not known, see each trace, mV")
     signal_mv: float = Field(0.0, ge=0, le=10, description="variance for each mV of signal, mV")
     signal_share: float = Field(0.0, ge=0, le=1, description="sd of the pulse energy, relative")
     jitter_ps: float = Field(0.0, ge=0, le=1000, description="sd of a sampling instant against the laser, ps")
+
+
+class Templates(_Part):
+    """Pulse shapes, learnt from the instrument's own averaged reference and echo.
+
+    Every shape has unit peak and its 50 % point on the leading edge at time 0.
+
+    Attributes
+    ----------
+    start_ps, step_ps : float
+        Time of the first value of each shape, and step to the next.
+    reference : tuple of N floats
+    reference_mv : float
+        Amplitude at which the reference was seen.
+    response_mv : tuple of K floats
+        Amplitudes at which the echo was seen, increasing.
+    echoes : tuple of K tuples of N floats
+        Its shape at each.
+    """
+
+    start_ps: float = Field(lt=0, description="time of the first value of each shape, ps")
+    step_ps: float = Field(gt=0, le=50, description="time from value to value, ps")
+    reference: tuple[float, ...] = Field(min_length=16, description="shape of the reference, unit peak")
+    reference_mv: float = Field(gt=0, description="amplitude of the reference, mV")
+    response_mv: tuple[float, ...] = Field(min_length=1, description="amplitudes of the echoes, increasing, mV")
+    echoes: tuple[tuple[float, ...], ...] = Field(min_length=1, description="shape of the echo at each, unit peak")
+
+    @model_validator(mode="after")
+    def _one_table(self) -> Templates:
+        if len(self.echoes) != len(self.response_mv):
+            raise ValueError("echoes and response_mv must have the same number of entries")
+        if any(len(echo) != len(self.reference) for echo in self.echoes):
+            raise ValueError("all shapes must have the same number of values")
+        if self.response_mv[0] <= 0 or np.any(np.diff(self.response_mv) <= 0):
+            raise ValueError("response_mv must be positive and increase")
+        if self.start_ps + self.step_ps * len(self.reference) < PEAK_ROOM_PS:
+            raise ValueError(f"shapes must reach at least {PEAK_ROOM_PS:g} ps behind the 50 % point")
+        return self
 
 
 class ScannerErrors(_Part):
@@ -132,7 +173,8 @@ class Calibration(_Part):
 
     range_zero_mm: float = Field(0.0, description="range at zero interval between the two time-significant points, mm")
     walk: dict[Method, Walk] = Field(default_factory=dict, description="timing walk, for each estimator")
-    noise: ShotNoise = Field(default_factory=ShotNoise, description="noise of a single sample on a pulse")
+    templates: Templates | None = Field(None, description="pulse shapes for the template estimator")
+    noise: ShotNoise = Field(default_factory=ShotNoise, description="noise of a single sample of a single sweep")
     reference_ps: tuple[float, float] | None = Field(
         None, description="earliest and latest place of the reference's 50 % point on the trace, ps"
     )

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from instrument.calibration import Calibration, Method, ShotNoise
 from instrument.errors import BadInput
-from instrument.ranging.half_maximum import Edges, half_maximum
+from instrument.ranging.half_maximum import Edges, half_maximum, join
+from instrument.ranging.pair import mark, to_ranges
 from instrument.ranging.pulses import CoarseTraces, Pulses, coarse_traces, next_pulse
-from instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, Ranges
+from instrument.ranging.ranges import Ranges
 from instrument.ranging.settings import RangingSettings
+from instrument.ranging.template import bad_fit, fit_pair, tables
 from instrument.scan_line import NO_RANGE, Flag
 
 FloatArray = NDArray[np.float64]
@@ -20,6 +23,7 @@ FlagArray = NDArray[np.uint16]
 
 BLOCK = 128  # records handled together: their traces stay in the cache
 LEAST_SAMPLES = 64
+METHODS: tuple[Method, ...] = get_args(Method)
 
 
 def estimate(
@@ -67,8 +71,10 @@ def estimate(
         When ``times_ps`` is no evenly spaced axis, or ``method``, ``sweeps`` or ``clipped`` do not fit.
     """
     times = _check_times(times_ps)
-    if method != "half-maximum":
-        raise BadInput(f"method {method!r} is not known; use 'half-maximum'")
+    if method not in METHODS:
+        raise BadInput(f"method {method!r} is not known; use {' or '.join(map(repr, METHODS))}")
+    if method == "template":
+        tables(calibration, float(times[1] - times[0]))  # refuse before the first record
     limits = settings or RangingSettings()
     values, usable = _stack(traces, times.size)
     records = len(values)
@@ -85,7 +91,7 @@ def estimate(
         _block(values[part], times, usable[part], counts[part], seen_clipped[part], method, calibration, limits)
         for part in (slice(first, first + BLOCK) for first in range(0, records, BLOCK))
     ]
-    return parts[0] if len(parts) == 1 else _join(parts)
+    return Ranges.joined(parts)
 
 
 def _block(
@@ -107,14 +113,16 @@ def _block(
     stop = half_maximum(traces, times, coarse, echo, noise, sweeps)
 
     flags = _flag_pulses(coarse, reference, echo, further, start, stop, limits)
-    if calibration and calibration.reference_ps:
-        earliest, latest = calibration.reference_ps
-        _set(flags, Flag.NO_REFERENCE, ~((start.time_ps >= earliest) & (start.time_ps <= latest)))
-    _set(flags, Flag.NO_REFERENCE, ~usable)
+    mark(flags, Flag.NO_REFERENCE, ~usable)
     lowest, highest = limits.clip_mv
     ends = (traces.min(axis=1) < lowest) | (traces.max(axis=1) > highest)
-    _set(flags, Flag.CLIPPED, usable & (seen_clipped | ends))
-    return _ranges(start, stop, coarse, flags, method, calibration, limits)
+    mark(flags, Flag.CLIPPED, usable & (seen_clipped | ends))
+    if method == "half-maximum":
+        pair = join(start, stop, coarse)
+    else:
+        pair, fit = fit_pair(traces, times, coarse, start, stop, calibration, sweeps)
+        mark(flags, Flag.MIXED, ((flags & np.uint16(NO_RANGE)) == 0) & bad_fit(fit, limits))
+    return to_ranges(pair, flags, method, calibration, limits)
 
 
 def _flag_pulses(
@@ -136,58 +144,12 @@ def _flag_pulses(
         no_stop |= echo.peak >= coarse.values_mv.shape[1] - 2  # the peak may lie behind the end of the trace
         two_surfaces = further.found | (stop_width > limits.widest_ps)
         touching = echo.valley_mv > np.maximum(coarse.step_mv, limits.ringing_share / 2 * echo.height_mv)
-    _set(flags, Flag.NO_REFERENCE, no_start)
-    _set(flags, Flag.OVERLAPPED | Flag.NO_ECHO, ~no_start & merged)
-    _set(flags, Flag.NO_ECHO, ~no_start & no_stop)
-    _set(flags, Flag.OVERLAPPED, ~no_start & echo.found & touching)
-    _set(flags, Flag.MIXED, ~no_start & ~no_stop & ~merged & two_surfaces)
+    mark(flags, Flag.NO_REFERENCE, no_start)
+    mark(flags, Flag.OVERLAPPED | Flag.NO_ECHO, ~no_start & merged)
+    mark(flags, Flag.NO_ECHO, ~no_start & no_stop)
+    mark(flags, Flag.OVERLAPPED, ~no_start & echo.found & touching)
+    mark(flags, Flag.MIXED, ~no_start & ~no_stop & ~merged & two_surfaces)
     return flags
-
-
-def _ranges(
-    start: Edges,
-    stop: Edges,
-    coarse: CoarseTraces,
-    flags: FlagArray,
-    method: Method,
-    calibration: Calibration | None,
-    limits: RangingSettings,
-) -> Ranges:
-    """Turn the two edges into range and variance, corrected for the timing walk."""
-    scale = RANGE_PER_INTERVAL_MM_PER_PS
-    none = (flags & np.uint16(NO_RANGE)) != 0
-    no_reference = (flags & np.uint16(Flag.NO_REFERENCE)) != 0
-    response = np.where(none, np.nan, stop.height_mv)
-    common = (stop.baseline_ps_per_mv - start.baseline_ps_per_mv) ** 2 * coarse.baseline_variance_mv2
-    variance = scale**2 * (start.time_variance_ps2 + stop.time_variance_ps2 + common)
-    distance = scale * (stop.time_ps - start.time_ps)
-    bias_sd = np.zeros_like(distance)
-    walk = calibration.walk.get(method) if calibration else None
-    if calibration:
-        distance = distance + calibration.range_zero_mm
-    if walk:
-        correction = walk.at(response)
-        distance = distance - correction.error_mm
-        slope = correction.slope_mm_per_mv
-        # The noise of the response moves the correction with it: var(x - w(A)), to first order.
-        variance += slope**2 * stop.height_variance_mv2 - 2 * slope * scale * stop.covariance_ps_mv
-        bias_sd = correction.sd_mm
-    with np.errstate(invalid="ignore"):
-        _set(flags, Flag.LOW_RESPONSE, ~none & (response < limits.low_response_mv))
-    _set(flags, Flag.WALK_EXTRAPOLATED, ~none & (~correction.inside if walk else np.ones_like(none)))
-    return Ranges(
-        range_mm=np.where(none, np.nan, distance),
-        variance_mm2=np.where(none, np.nan, variance),
-        response_mv=response,
-        flags=flags,
-        bias_sd_mm=np.where(none, np.nan, bias_sd),
-        reference_ps=np.where(no_reference, np.nan, start.time_ps),
-        reference_mv=np.where(no_reference, np.nan, start.height_mv),
-    )
-
-
-def _set(flags: FlagArray, flag: Flag, where: NDArray[np.bool_]) -> None:
-    flags[where] |= np.uint16(flag)
 
 
 def _check_times(times_ps: ArrayLike) -> FloatArray:
@@ -222,7 +184,3 @@ def _stack(traces: FloatArray | Sequence[ArrayLike], samples: int) -> tuple[Floa
 def _nothing(records: int) -> Ranges:
     blank = np.full(records, np.nan)
     return Ranges(blank, blank, blank, np.full(records, Flag.NO_REFERENCE, dtype=np.uint16), blank, blank, blank)
-
-
-def _join(parts: list[Ranges]) -> Ranges:
-    return Ranges(*(np.concatenate([getattr(p, name) for p in parts]) for name in Ranges.__dataclass_fields__))

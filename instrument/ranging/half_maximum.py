@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from instrument.calibration import ShotNoise
+from instrument.ranging.pair import PulsePair
 from instrument.ranging.pulses import CoarseTraces, Pulses
 
 FloatArray = NDArray[np.float64]
@@ -106,6 +107,20 @@ def half_maximum(
         height_variance_mv2=height_variance + coarse.baseline_variance_mv2,
         covariance_ps_mv=(height_variance - coarse.baseline_variance_mv2) / (2 * slope),
         baseline_ps_per_mv=0.5 / slope,
+    )
+
+
+def join(start: Edges, stop: Edges, coarse: CoarseTraces) -> PulsePair:
+    """Make a pair of two edges; both stand on the same baseline, whose error moves them in the same direction."""
+    common = (stop.baseline_ps_per_mv - start.baseline_ps_per_mv) ** 2 * coarse.baseline_variance_mv2
+    return PulsePair(
+        reference_ps=start.time_ps,
+        reference_mv=start.height_mv,
+        interval_ps=stop.time_ps - start.time_ps,
+        interval_variance_ps2=start.time_variance_ps2 + stop.time_variance_ps2 + common,
+        response_mv=stop.height_mv,
+        response_variance_mv2=stop.height_variance_mv2,
+        covariance_ps_mv=stop.covariance_ps_mv,
     )
 
 

@@ -1,0 +1,142 @@
+"""Learns `Templates` and `ShotNoise` from repeated records of a target at rest: a bench procedure.
+
+At each of several gray levels the instrument takes records of a target that does not move. Their mean, level by level,
+is the pulse shape at that response; their scatter, sample by sample, is the noise. Nothing is assumed of the form of
+the pulse.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
+from scipy.optimize import nnls
+from scipy.signal import savgol_filter
+
+from instrument.calibration import ShotNoise, Templates
+from instrument.errors import BadInput
+from instrument.ranging.half_maximum import Edges, half_maximum
+from instrument.ranging.pulses import coarse_traces, next_pulse
+from instrument.ranging.settings import RangingSettings
+
+FloatArray = NDArray[np.float64]
+
+FROM_PS, TO_PS = -500.0, 1500.0  # extent of the shapes about the 50 % point
+SMOOTH_PS = 100.0  # a polynomial of degree 4 over half the rise time keeps the pulse's form
+LEAST_RECORDS = 20
+PLACES = 5  # decimals kept of a shape: 1e-5 of the peak, below any noise
+
+
+def learn(
+    levels: Sequence[FloatArray], times_ps: ArrayLike, *, sweeps: int, settings: RangingSettings | None = None
+) -> tuple[Templates, ShotNoise]:
+    """Learn pulse shapes and noise.
+
+    Parameters
+    ----------
+    levels : sequence of (R, S) float arrays
+        For each gray level the mean traces (mV) of at least 20 records; the target is at rest within a level.
+    times_ps : (S,) array
+        Sampling instants.
+    sweeps : int
+        Sweeps averaged in each record.
+
+    Returns
+    -------
+    Templates, ShotNoise
+
+    Raises
+    ------
+    BadInput
+        When a level has too few records, no clear echo, or the same response as another.
+    """
+    times = np.asarray(times_ps, dtype=np.float64)
+    limits = settings or RangingSettings()
+    step_ps = float(times[1] - times[0])
+    found = [_shapes(np.asarray(level, dtype=np.float64), times, limits, number) for number, level in enumerate(levels)]
+    if not found:
+        raise BadInput("no gray level was given; take records of at least one")
+    found.sort(key=lambda shapes: shapes[3])
+    responses = np.array([response for *_, response in found])
+    if np.any(np.diff(responses) < 0.02 * responses[1:]):
+        raise BadInput(f"two gray levels have the same response within 2 %: {np.round(responses, 2).tolist()} mV")
+    reference = np.stack([shape for shape, *_ in found]).mean(axis=0)
+    templates = Templates(
+        start_ps=FROM_PS,
+        step_ps=step_ps,
+        reference=tuple(np.round(reference, PLACES).tolist()),
+        reference_mv=float(np.mean([height for _, height, *_ in found])),
+        response_mv=tuple(responses.tolist()),
+        echoes=tuple(tuple(np.round(shape, PLACES).tolist()) for _, _, shape, _ in found),
+    )
+    return templates, learn_noise(levels, step_ps, sweeps)
+
+
+def learn_noise(levels: Sequence[FloatArray], step_ps: float, sweeps: int) -> ShotNoise:
+    """Fit the noise model to the scatter of repeated records, sample by sample.
+
+    The variance of each sample over the records, times the sweeps, is a sum of non-negative multiples of 1, s, s^2 and
+    s'^2, with s the mean and s' its slope; weighted non-negative least squares, the weights from a first fit (the
+    scatter of a variance goes with the variance itself).
+    """
+    window = _odd(SMOOTH_PS / step_ps)
+    terms: list[FloatArray] = []
+    scatter: list[FloatArray] = []
+    for level in levels:
+        mean = savgol_filter(level.mean(axis=0), window, 4)
+        signal = np.maximum(mean - np.median(mean), 0.0)
+        slope = savgol_filter(level.mean(axis=0), window, 4, deriv=1, delta=step_ps)
+        terms.append(np.column_stack([np.ones_like(signal), signal, signal**2, slope**2]))
+        scatter.append(level.var(axis=0, ddof=1) * sweeps)
+    design, variance = np.concatenate(terms), np.concatenate(scatter)
+    weight = np.full_like(variance, 1.0 / max(float(np.median(variance)), 1e-12))
+    for _ in range(3):
+        solution, _ = nnls(design * weight[:, None], variance * weight)
+        weight = 1.0 / np.maximum(design @ solution, 1e-12)
+    floor, shot, share, jitter = solution
+    return ShotNoise(
+        floor_mv=float(np.sqrt(floor)),
+        signal_mv=float(shot),
+        signal_share=float(np.sqrt(share)),
+        jitter_ps=float(np.sqrt(jitter)),
+    )
+
+
+def _shapes(
+    level: FloatArray, times: FloatArray, limits: RangingSettings, number: int
+) -> tuple[FloatArray, float, FloatArray, float]:
+    """Return shape and height of reference and echo of one level's mean trace."""
+    if level.ndim != 2 or level.shape[1] != times.size or len(level) < LEAST_RECORDS:
+        raise BadInput(
+            f"gray level {number}: records of shape {level.shape}; "
+            f"needs at least {LEAST_RECORDS} of {times.size} samples"
+        )
+    mean = level.mean(axis=0, keepdims=True)
+    mean = savgol_filter(mean, _odd(SMOOTH_PS / (times[1] - times[0])), 4, axis=1)
+    coarse = coarse_traces(mean, float(times[1] - times[0]), limits)
+    first = next_pulse(coarse, limits)
+    second = next_pulse(coarse, limits, first)
+    edges = [half_maximum(mean, times, coarse, pulse, ShotNoise(), np.ones(1)) for pulse in (first, second)]
+    if any(np.isnan(edge.time_ps[0]) for edge in edges):
+        raise BadInput(f"gray level {number}: no clear reference and echo in its mean trace; look at target and beam")
+    before, behind = edges[0].time_ps[0] - times[0], times[-1] - edges[1].time_ps[0]
+    if before < -FROM_PS or behind < TO_PS or edges[1].time_ps[0] - edges[0].time_ps[0] < TO_PS - FROM_PS:
+        raise BadInput(
+            f"gray level {number}: the pulses need {-FROM_PS:g} ps before and {TO_PS:g} ps behind each for themselves; "
+            f"there are {before:.0f} ps before the reference and {behind:.0f} ps behind the echo"
+        )
+    spline = CubicSpline(times, mean[0] - coarse.baseline_mv[0])
+    (reference, height), (echo, response) = (_shape(spline, edge, float(times[1] - times[0])) for edge in edges)
+    return reference, height, echo, response
+
+
+def _shape(spline: CubicSpline, edge: Edges, step_ps: float) -> tuple[FloatArray, float]:
+    height = float(edge.height_mv[0])
+    place = FROM_PS + step_ps * np.arange(int((TO_PS - FROM_PS) / step_ps))
+    return np.asarray(spline(edge.time_ps[0] + place) / height, dtype=np.float64), height
+
+
+def _odd(length: float) -> int:
+    return max(7, 2 * round(length / 2) + 1)

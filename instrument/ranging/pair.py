@@ -1,0 +1,90 @@
+"""`PulsePair`: what every estimator finds in a record, and the way from there to a range."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from instrument.calibration import Calibration, Method
+from instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, Ranges
+from instrument.ranging.settings import RangingSettings
+from instrument.scan_line import NO_RANGE, Flag
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+FlagArray = NDArray[np.uint16]
+
+
+@dataclass(frozen=True)
+class PulsePair:
+    """Reference and echo of R records; every array is (R,), NaN where a pulse has no time-significant point.
+
+    Attributes
+    ----------
+    reference_ps, reference_mv : float arrays
+        Time-significant point and amplitude of the reference.
+    interval_ps, interval_variance_ps2 : float arrays
+        From its time-significant point to that of the echo.
+    response_mv, response_variance_mv2 : float arrays
+        Amplitude of the echo.
+    covariance_ps_mv : float array
+        Covariance of interval and response.
+    """
+
+    reference_ps: FloatArray
+    reference_mv: FloatArray
+    interval_ps: FloatArray
+    interval_variance_ps2: FloatArray
+    response_mv: FloatArray
+    response_variance_mv2: FloatArray
+    covariance_ps_mv: FloatArray
+
+
+def to_ranges(
+    pair: PulsePair, flags: FlagArray, method: Method, calibration: Calibration | None, limits: RangingSettings
+) -> Ranges:
+    """Turn intervals into ranges: ``c / 2 x Ti + range_zero - walk(response)``, and flag low response, a walk that the
+    calibration does not cover, and a reference that is not in its place.
+
+    The noise of the response moves the walk correction with it, so to first order the variance is that of
+    ``c / 2 x Ti - w' A`` with w' the slope of the walk.
+    """
+    if calibration and calibration.reference_ps:
+        earliest, latest = calibration.reference_ps
+        mark(flags, Flag.NO_REFERENCE, ~((pair.reference_ps >= earliest) & (pair.reference_ps <= latest)))
+    scale = RANGE_PER_INTERVAL_MM_PER_PS
+    none = (flags & np.uint16(NO_RANGE)) != 0
+    no_reference = (flags & np.uint16(Flag.NO_REFERENCE)) != 0
+    response = np.where(none, np.nan, pair.response_mv)
+    variance = scale**2 * pair.interval_variance_ps2
+    distance = scale * pair.interval_ps
+    bias_sd = np.zeros_like(distance)
+    inside = np.zeros_like(none)
+    if calibration:
+        distance = distance + calibration.range_zero_mm
+        if walk := calibration.walk.get(method):
+            correction = walk.at(response)
+            inside = correction.inside
+            distance = distance - correction.error_mm
+            slope = correction.slope_mm_per_mv
+            variance = variance + slope * (slope * pair.response_variance_mv2 - 2 * scale * pair.covariance_ps_mv)
+            bias_sd = correction.sd_mm
+    with np.errstate(invalid="ignore"):
+        mark(flags, Flag.LOW_RESPONSE, ~none & (response < limits.low_response_mv))
+    mark(flags, Flag.WALK_EXTRAPOLATED, ~none & ~inside)
+    return Ranges(
+        range_mm=np.where(none, np.nan, distance),
+        variance_mm2=np.where(none, np.nan, variance),
+        response_mv=response,
+        flags=flags,
+        bias_sd_mm=np.where(none, np.nan, bias_sd),
+        reference_ps=np.where(no_reference, np.nan, pair.reference_ps),
+        reference_mv=np.where(no_reference, np.nan, pair.reference_mv),
+    )
+
+
+def mark(flags: FlagArray, flag: Flag, where: BoolArray) -> None:
+    """Set a flag in the records where it holds."""
+    flags[where] |= np.uint16(flag)

@@ -1,0 +1,168 @@
+"""`ShapeTable`: a pulse and what a fit needs of it, at any place of the sampling grid, by look-up.
+
+A model ``s(t) = A g(t - tau; A)`` whose shape g changes slowly with the amplitude A, sampled every ``step_ps``. For a
+ladder of amplitudes and for `PHASES` places of the 50 % point between two samples, the table holds the signal s, its
+derivatives ``d = (ds/dtau, ds/dA, 1) = (-s', g + A dg/dA, 1)``, the inverse variance w of a sample there, and running
+sums of the normal equations, so that those of any piece are the difference of two entries. Between the entries the
+linear model of a Gauss-Newton step is exact to 1e-3 of the noise.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline, PchipInterpolator
+
+from instrument.calibration import ShotNoise
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+PHASES = 16
+RUNG = 1.1  # ratio of neighbouring amplitudes
+BEFORE_PS, BEHIND_PS = 1000.0, 2600.0  # reach of a piece about the 50 % point
+PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+
+
+class Entries(NamedTuple):
+    """Entries of the table for R pieces: ``first`` (R,) place in the flat tables, and ``delay_ps`` (R,) from the first
+    sample and ``amplitude_mv`` (R,) that they are for."""
+
+    first: IntArray
+    delay_ps: FloatArray
+    amplitude_mv: FloatArray
+
+
+class ShapeTable:
+    """Look-up of one family of pulse shapes.
+
+    Parameters
+    ----------
+    start_ps, spacing_ps : float
+        Time of the first value of each shape against its 50 % point, and from value to value.
+    response_mv : (K,) array
+        Amplitudes of the shapes, increasing.
+    shapes : (K, N) array
+        Unit peak.
+    noise : ShotNoise
+        Noise of a sample; its floor must be known.
+    step_ps : float
+        Sampling step of the traces to be fitted.
+    """
+
+    def __init__(
+        self,
+        start_ps: float,
+        spacing_ps: float,
+        response_mv: FloatArray,
+        shapes: FloatArray,
+        noise: ShotNoise,
+        step_ps: float,
+    ) -> None:
+        self.step_ps = step_ps
+        lowest, highest = response_mv[0] / 2, response_mv[-1] * 2
+        self._ladder = np.geomspace(lowest, highest, int(np.ceil(np.log(highest / lowest) / np.log(RUNG))) + 1)
+        self._before = int(np.ceil(BEFORE_PS / step_ps))
+        self._length = self._before + int(np.ceil(BEHIND_PS / step_ps))
+        shift = np.arange(PHASES)[:, None] / PHASES
+        time = (np.arange(self._length) - self._before - shift) * step_ps  # (P, N) after the 50 % point
+        own = start_ps + spacing_ps * np.arange(shapes.shape[1])
+        spline = CubicSpline(own, shapes, axis=1)
+        place = np.clip(time, own[0], own[-1])
+        value = np.where(time < own[0], 0.0, spline(place))  # (K, P, N); behind its end a shape keeps its last value
+        rate = np.where((time >= own[0]) & (time <= own[-1]), spline(place, 1), 0.0)
+        level = self._ladder[:, None, None]
+        shape, by_level = _between(response_mv, value, self._ladder)
+        slope, _ = _between(response_mv, rate, self._ladder)
+        signal, slope = level * shape, level * slope
+        self._fill(signal.ravel(), -slope.ravel(), (shape + level * by_level).ravel(), noise)
+
+    def _fill(self, signal: FloatArray, by_delay: FloatArray, by_amplitude: FloatArray, noise: ShotNoise) -> None:
+        self._signal, self._by_delay, self._by_amplitude = signal, by_delay, by_amplitude
+        self._weight = 1.0 / sample_variance(noise, signal, by_delay)
+        design = (by_delay, by_amplitude, np.ones_like(signal))
+        self._weighted = [self._weight * d for d in design]
+        self._normal_sums = _running([self._weighted[i] * design[j] for i, j in PAIRS])
+        self._signal_sums = _running([weighted * signal for weighted in self._weighted])
+
+    def locate(self, delay_ps: FloatArray, amplitude_mv: FloatArray, samples: int) -> Entries:
+        """Find the entries nearest to pulses whose 50 % points lie ``delay_ps`` (R,) after the first of so many
+        samples.
+
+        The delays are held within what the table covers.
+        """
+        lowest = self._ladder[0]
+        spacing = np.log(self._ladder[-1] / lowest) / (len(self._ladder) - 1)
+        rung = np.rint(np.log(np.maximum(amplitude_mv, lowest) / lowest) / spacing).astype(np.int64)
+        rung = np.minimum(rung, len(self._ladder) - 1)
+        steps = np.rint(delay_ps / self.step_ps * PHASES).astype(np.int64)
+        steps = np.clip(steps, (samples - self._length + self._before) * PHASES, self._before * PHASES)
+        whole, phase = np.divmod(steps, PHASES)
+        first = (rung * PHASES + phase) * self._length + self._before - whole
+        placed = np.asarray(steps * (self.step_ps / PHASES), dtype=np.float64)
+        return Entries(first, placed, self._ladder[rung])
+
+    def normal_matrix(self, entries: Entries, samples: int) -> FloatArray:
+        """Return ``sum w d d^T`` (R, 3, 3) over the samples of each piece."""
+        sums = self._normal_sums[entries.first + samples] - self._normal_sums[entries.first]
+        matrix = np.empty((len(sums), 3, 3))
+        for k, (i, j) in enumerate(PAIRS):
+            matrix[:, i, j] = matrix[:, j, i] = sums[:, k]
+        return matrix
+
+    def score(self, entries: Entries, pieces_mv: FloatArray) -> FloatArray:
+        """Return ``sum w d (x - s)`` (R, 3) over the samples x (R, M) of each piece."""
+        samples = pieces_mv.shape[1]
+        modelled = self._signal_sums[entries.first + samples] - self._signal_sums[entries.first]
+        seen = [np.einsum("rm,rm->r", _pieces(table, entries.first, samples), pieces_mv) for table in self._weighted]
+        score: FloatArray = np.stack(seen, axis=1) - modelled
+        return score
+
+    def residual(self, entries: Entries, change: FloatArray, pieces_mv: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what the model, moved by ``change`` (R, 3) in delay, amplitude and baseline, leaves of each piece (R,
+        M), and the inverse variances (R, M)."""
+        samples = pieces_mv.shape[1]
+        left = pieces_mv - _pieces(self._signal, entries.first, samples)
+        left -= change[:, :1] * _pieces(self._by_delay, entries.first, samples)
+        left -= change[:, 1:2] * _pieces(self._by_amplitude, entries.first, samples)
+        left -= change[:, 2:]
+        return left, _pieces(self._weight, entries.first, samples)
+
+
+def sample_variance(noise: ShotNoise, signal_mv: FloatArray, slope_mv_per_ps: FloatArray) -> FloatArray:
+    """Return the variance (mV^2) of single samples of a single sweep, with the noise model of the calibration."""
+    signal = np.maximum(signal_mv, 0.0)
+    excess = noise.signal_mv * signal + (noise.signal_share * signal) ** 2 + (noise.jitter_ps * slope_mv_per_ps) ** 2
+    return np.asarray(noise.floor_mv**2 + excess, dtype=np.float64)
+
+
+def _pieces(table: FloatArray, first: IntArray, samples: int) -> FloatArray:
+    pieces: FloatArray = sliding_window_view(table, samples)[first]
+    return pieces
+
+
+def _running(columns: list[FloatArray]) -> FloatArray:
+    """Return running sums (N + 1, C), beginning with 0."""
+    sums = np.zeros((len(columns[0]) + 1, len(columns)))
+    for k, column in enumerate(columns):
+        np.cumsum(column, out=sums[1:, k])
+    return sums
+
+
+def _between(response_mv: FloatArray, values: FloatArray, ladder: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Interpolate shapes (K, P, N) over log amplitude to the ladder; also return the derivative by amplitude.
+
+    Outside the amplitudes that were learnt the nearest shape is kept.
+    """
+    level = ladder[:, None, None]
+    if len(response_mv) == 1:
+        shape = np.broadcast_to(values[0], (len(ladder), *values.shape[1:]))
+        return np.asarray(shape), np.zeros_like(level)
+    known, place = np.log(response_mv), np.log(ladder)
+    inside = ((place >= known[0]) & (place <= known[-1]))[:, None, None]
+    curve = PchipInterpolator(known, values, axis=0)
+    place = np.clip(place, known[0], known[-1])
+    return curve(place), np.where(inside, curve(place, 1), 0.0) / level

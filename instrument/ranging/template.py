@@ -1,0 +1,144 @@
+"""The template estimator on whole traces: both pulses fitted with the shapes of the calibration."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from instrument.calibration import Calibration, ShotNoise, Templates
+from instrument.errors import BadInput
+from instrument.ranging.half_maximum import Edges
+from instrument.ranging.pair import PulsePair
+from instrument.ranging.pulses import CoarseTraces
+from instrument.ranging.settings import RangingSettings
+from instrument.ranging.shape_table import ShapeTable
+from instrument.ranging.template_fit import PulseFit, fit_pulses
+
+FloatArray = NDArray[np.float64]
+
+LEAD_PS, TRAIL_PS = 250.0, 900.0  # piece about the 50 % point that is fitted: from the foot to behind the fall
+
+
+def tables(calibration: Calibration | None, step_ps: float) -> tuple[ShapeTable, ShapeTable]:
+    """Return the look-up tables of reference and echo for a sampling step.
+
+    Raises
+    ------
+    BadInput
+        When the calibration has no templates or does not know the noise.
+    """
+    if calibration is None or calibration.templates is None or calibration.noise.floor_mv <= 0:
+        raise BadInput(
+            "the template estimator needs a calibration with templates and noise floor; "
+            "learn them on the bench (gray-target procedure) or use half-maximum"
+        )
+    return _tables(calibration.templates, calibration.noise, step_ps)
+
+
+@lru_cache(maxsize=16)
+def _tables(templates: Templates, noise: ShotNoise, step_ps: float) -> tuple[ShapeTable, ShapeTable]:
+    def table(response_mv: tuple[float, ...], shapes: tuple[tuple[float, ...], ...]) -> ShapeTable:
+        return ShapeTable(
+            templates.start_ps, templates.step_ps, np.array(response_mv), np.array(shapes), noise, step_ps
+        )
+
+    return table((templates.reference_mv,), (templates.reference,)), table(templates.response_mv, templates.echoes)
+
+
+def fit_pair(
+    traces_mv: FloatArray,
+    times_ps: FloatArray,
+    coarse: CoarseTraces,
+    start: Edges,
+    stop: Edges,
+    calibration: Calibration | None,
+    sweeps: FloatArray,
+) -> tuple[PulsePair, PulseFit]:
+    """Fit reference and echo of whole traces, and return the pair and the echo's fit.
+
+    Each pulse is fitted on its own piece of the trace, from where `half_maximum` found it. Both share one baseline,
+    which the samples before the reference know too: the three findings of it are combined, which gives just what one
+    fit of everything would (`share_baseline`).
+    """
+    step_ps = float(times_ps[1] - times_ps[0])
+    fits, firsts = [], []
+    for table, edges in zip(tables(calibration, step_ps), (start, stop), strict=True):
+        pieces, first = _cut(traces_mv, times_ps, edges.time_ps)
+        guess = np.nan_to_num(edges.time_ps - times_ps[first])
+        fits.append(fit_pulses(pieces, table, guess, np.nan_to_num(edges.height_mv, nan=1.0), sweeps))
+        firsts.append(times_ps[first])
+    lost = np.isnan(start.time_ps) | np.isnan(stop.time_ps)
+    pair = combine(fits[0], fits[1], firsts[0], firsts[1], coarse.baseline_mv, coarse.baseline_variance_mv2)
+    return _without(pair, lost, np.isnan(start.time_ps)), fits[1]
+
+
+def combine(
+    reference: PulseFit,
+    echo: PulseFit,
+    reference_first_ps: FloatArray,
+    echo_first_ps: FloatArray,
+    baseline_mv: FloatArray | None = None,
+    baseline_variance_mv2: FloatArray | None = None,
+) -> PulsePair:
+    """Join the fits of two pieces of a trace that share one baseline.
+
+    The baselines b1, b2 of the fits, and a third finding of it if there is one, are made equal by conditioning: with
+    weights ``w_i = 1 / var(b_i)`` the common one is their weighted mean b, of variance ``1 / sum w_i``, and each
+    pulse's delay and amplitude move by ``cov(x, b_i) w_i (b - b_i)``. For normal errors this is the joint fit.
+    """
+    found = [(reference.baseline_mv, reference.covariance[:, 2, 2]), (echo.baseline_mv, echo.covariance[:, 2, 2])]
+    if baseline_mv is not None and baseline_variance_mv2 is not None:
+        found.append((baseline_mv, np.maximum(baseline_variance_mv2, 1e-12)))
+    total = np.sum([1.0 / variance for _, variance in found], axis=0)
+    common = np.sum([value / variance for value, variance in found], axis=0) / total
+
+    def conditioned(fit: PulseFit) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return delay and amplitude (R, 2), their covariance with the baseline known, and their share of it."""
+        share = fit.covariance[:, :2, 2] / fit.covariance[:, 2, 2][:, None]
+        moved = np.column_stack([fit.delay_ps, fit.amplitude_mv]) + share * (common - fit.baseline_mv)[:, None]
+        own = fit.covariance[:, :2, :2] - share[:, :, None] * fit.covariance[:, None, 2, :2]
+        return moved, own, share
+
+    (first, first_own, first_share), (second, second_own, second_share) = conditioned(reference), conditioned(echo)
+    delay_share = second_share[:, 0] - first_share[:, 0]
+    return PulsePair(
+        reference_ps=reference_first_ps + first[:, 0],
+        reference_mv=first[:, 1],
+        interval_ps=echo_first_ps - reference_first_ps + second[:, 0] - first[:, 0],
+        interval_variance_ps2=first_own[:, 0, 0] + second_own[:, 0, 0] + delay_share**2 / total,
+        response_mv=second[:, 1],
+        response_variance_mv2=second_own[:, 1, 1] + second_share[:, 1] ** 2 / total,
+        covariance_ps_mv=second_own[:, 0, 1] + delay_share * second_share[:, 1] / total,
+    )
+
+
+def bad_fit(fit: PulseFit, limits: RangingSettings) -> NDArray[np.bool_]:
+    """Return where a pulse does not have the shape of the calibration: more misfit than noise gives, and more than a
+    shape that has aged a little."""
+    return (fit.misfit > limits.worst_misfit) & (fit.residual_mv > limits.worst_residual * fit.amplitude_mv)
+
+
+def _cut(traces_mv: FloatArray, times_ps: FloatArray, edge_ps: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Cut a piece about each time-significant point; at an end of the trace it is moved inwards."""
+    step_ps = float(times_ps[1] - times_ps[0])
+    samples = min(round((LEAD_PS + TRAIL_PS) / step_ps), len(times_ps))
+    first = np.rint((np.nan_to_num(edge_ps, nan=times_ps[0]) - LEAD_PS - times_ps[0]) / step_ps).astype(np.int64)
+    first = np.clip(first, 0, len(times_ps) - samples)
+    return np.take_along_axis(traces_mv, first[:, None] + np.arange(samples), axis=1), first
+
+
+def _without(pair: PulsePair, lost: NDArray[np.bool_], no_reference: NDArray[np.bool_]) -> PulsePair:
+    def blank(values: FloatArray, where: NDArray[np.bool_]) -> FloatArray:
+        return np.where(where, np.nan, values)
+
+    return PulsePair(
+        blank(pair.reference_ps, no_reference),
+        blank(pair.reference_mv, no_reference),
+        blank(pair.interval_ps, lost),
+        blank(pair.interval_variance_ps2, lost),
+        blank(pair.response_mv, lost),
+        blank(pair.response_variance_mv2, lost),
+        blank(pair.covariance_ps_mv, lost),
+    )

@@ -1,0 +1,125 @@
+"""Maximum-likelihood fit of delay, amplitude and baseline of one pulse to a short piece of trace, records together."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from instrument.ranging.shape_table import ShapeTable
+
+FloatArray = NDArray[np.float64]
+
+MOST_STEPS = 6
+LARGEST_MOVE_PS = 60.0
+SETTLED_PS = 3.0  # a Gauss-Newton step that short leaves an error of its square over the rise time
+OUTLIER_SIGMAS = 5.5
+# Knowledge before the fit, 1e4 ps and 1e4 mV: nothing to a real pulse, but a piece without one stays solvable.
+RIDGE = np.eye(3) * 1e-8
+
+
+class PulseFit(NamedTuple):
+    """Fit of one pulse in each of R records.
+
+    Attributes
+    ----------
+    delay_ps, amplitude_mv, baseline_mv : (R,) float arrays
+        The delay counts from the first sample of the piece.
+    covariance : (R, 3, 3) float array
+        Of these three, for the sweeps averaged.
+    misfit : (R,) float array
+        Mean square of the residuals over their variance: 1 when shape and noise are right.
+    residual_mv : (R,) float array
+        Their root mean square.
+    """
+
+    delay_ps: FloatArray
+    amplitude_mv: FloatArray
+    baseline_mv: FloatArray
+    covariance: FloatArray
+    misfit: FloatArray
+    residual_mv: FloatArray
+
+
+def fit_pulses(
+    pieces_mv: FloatArray,
+    table: ShapeTable,
+    delay_ps: FloatArray,
+    amplitude_mv: FloatArray,
+    sweeps: FloatArray,
+) -> PulseFit:
+    """Fit ``b + s(t; tau, A)`` to pieces of traces by Gauss-Newton steps on the weighted residuals.
+
+    With independent normal noise of known variance this is the maximum of the likelihood, and the inverse of the normal
+    matrix is the Cramer-Rao bound of the piece (docs/ranging.md). Samples that lie far off the fit, as those of a shot
+    that misfired, are then replaced by it, which leaves them out, and these records are fitted once more.
+
+    Parameters
+    ----------
+    pieces_mv : (R, M) float array
+        Mean traces.
+    table : ShapeTable
+    delay_ps, amplitude_mv : (R,) float arrays
+        Where to start.
+    sweeps : (R,) float array
+        Sweeps averaged.
+    """
+    fit = _fit(pieces_mv, table, delay_ps, amplitude_mv, sweeps)
+    left, weight = fit.residuals
+    far = left**2 * weight * sweeps[:, None] > OUTLIER_SIGMAS**2
+    again = np.flatnonzero(far.any(axis=1))
+    if len(again):
+        mended = np.where(far[again], pieces_mv[again] - left[again], pieces_mv[again])
+        better = _fit(mended, table, fit.delay_ps[again], fit.amplitude_mv[again], sweeps[again])
+        for old, new in zip(fit.arrays, better.arrays, strict=True):
+            old[again] = new
+    left, weight = fit.residuals
+    misfit = np.einsum("rm,rm,rm->r", left, left, weight) * sweeps / (pieces_mv.shape[1] - 3)
+    return PulseFit(
+        fit.delay_ps,
+        fit.amplitude_mv,
+        fit.baseline_mv,
+        fit.covariance,
+        misfit,
+        np.sqrt(np.einsum("rm,rm->r", left, left) / pieces_mv.shape[1]),
+    )
+
+
+class _Fit(NamedTuple):
+    delay_ps: FloatArray
+    amplitude_mv: FloatArray
+    baseline_mv: FloatArray
+    covariance: FloatArray
+    residuals: tuple[FloatArray, FloatArray]
+
+    @property
+    def arrays(self) -> tuple[FloatArray, ...]:
+        return self.delay_ps, self.amplitude_mv, self.baseline_mv, self.covariance, *self.residuals
+
+
+def _fit(
+    pieces: FloatArray, table: ShapeTable, delay_ps: FloatArray, amplitude_mv: FloatArray, sweeps: FloatArray
+) -> _Fit:
+    """Take Gauss-Newton steps, each on the records that have not settled yet."""
+    records, samples = pieces.shape
+    delay, amplitude = delay_ps.copy(), amplitude_mv.copy()
+    covariance, change = np.empty((records, 3, 3)), np.empty((records, 3))
+    moving = np.arange(records)
+    for _ in range(MOST_STEPS):
+        part = pieces if len(moving) == records else pieces[moving]
+        near = table.locate(delay[moving], amplitude[moving], samples)
+        inverse = np.linalg.inv(table.normal_matrix(near, samples) + RIDGE)
+        step = np.einsum("rij,rj->ri", inverse, table.score(near, part))
+        step[:, 0] = np.clip(step[:, 0], -LARGEST_MOVE_PS, LARGEST_MOVE_PS)
+        covariance[moving], change[moving] = inverse, step
+        before = delay[moving]
+        delay[moving], amplitude[moving] = near.delay_ps + step[:, 0], near.amplitude_mv + step[:, 1]
+        moving = moving[np.abs(delay[moving] - before) > SETTLED_PS]
+        if not len(moving):
+            break
+    # Where the last entry was depends on the last delay but one, so it is looked up again for the residuals.
+    near = table.locate(delay, amplitude, samples)
+    rest = np.column_stack([delay - near.delay_ps, amplitude - near.amplitude_mv, change[:, 2]])
+    residuals = table.residual(near, rest, pieces)
+    return _Fit(delay, amplitude, change[:, 2], covariance / sweeps[:, None, None], residuals)
