@@ -16,7 +16,10 @@ import usb.util
 
 from drivers.clock import Clock
 from drivers.errors import LinkLost, ProtocolError, Stall, Timeout
+from drivers.transcript import Transcript
 
+VENDOR_IN = 0xC1  # bmRequestType of vendor requests to the interface
+VENDOR_OUT = 0x41
 SLICE_S = 0.1  # longest wait inside the bus, so that timers (heartbeats) run on a real clock too
 
 
@@ -41,7 +44,14 @@ class UsbLink:
         Class, subclass and protocol that the interface must have.
     backend : object, optional
         A pyusb backend; None is libusb.
+
+    Attributes
+    ----------
+    transcript : Transcript or None
+        Where every byte both ways is written down; None (the default) for nowhere.
     """
+
+    transcript: Transcript | None = None
 
     def __init__(
         self,
@@ -59,6 +69,7 @@ class UsbLink:
         self.vendor_id = vendor_id
         self.product_id = product_id
         self.clock = clock
+        self.name = device
         self.device = f"{device} (USB {vendor_id:04x}:{product_id:04x})"
         self.serial_number = serial_number
         self.interface = interface
@@ -96,6 +107,8 @@ class UsbLink:
         except usb.core.USBError as error:
             self._fail(error, "cannot be opened")
         self._usb = found
+        if self.transcript is not None:
+            self._note("open", **_described(found))
 
     def close(self) -> None:
         """Release the interface; harmless when it is closed or the device has vanished."""
@@ -103,10 +116,36 @@ class UsbLink:
         if device is not None:
             with contextlib.suppress(usb.core.USBError):  # a vanished device cannot be released in order
                 usb.util.dispose_resources(device)
+            self._note("close")
 
-    def control_in(self, request: int, value: int, length: int, *, timeout_s: float = 0.5) -> bytes:
-        """Vendor request to the interface, device to host; returns what came (at most ``length`` bytes)."""
-        data = self._control(0xC1, request, value, length, timeout_s)
+    def control_in(
+        self,
+        request: int,
+        value: int,
+        length: int,
+        *,
+        kind: int = VENDOR_IN,
+        index: int | None = None,
+        timeout_s: float = 0.5,
+    ) -> bytes:
+        """Request from device to host; returns what came (at most ``length`` bytes).
+
+        Parameters
+        ----------
+        request, value, length : int
+            bRequest, wValue and wLength.
+        kind : int
+            bmRequestType; a vendor request to the interface unless said otherwise.
+        index : int, optional
+            wIndex; None is the claimed interface.
+        timeout_s : float
+
+        Raises
+        ------
+        Stall
+            When the device refuses it.
+        """
+        data = self._control(kind, request, value, self.interface if index is None else index, length, timeout_s)
         return bytes(data)
 
     def control_out(self, request: int, value: int, data: bytes = b"", *, timeout_s: float = 0.5) -> None:
@@ -117,7 +156,7 @@ class UsbLink:
         Stall
             When the device refuses it.
         """
-        self._control(0x41, request, value, data, timeout_s)
+        self._control(VENDOR_OUT, request, value, self.interface, data, timeout_s)
 
     def write(self, endpoint: int, data: bytes, *, timeout_s: float) -> None:
         """Send ``data`` to a bulk or interrupt OUT endpoint.
@@ -130,7 +169,9 @@ class UsbLink:
         device = self._opened()
         try:
             sent = device.write(endpoint, data, _ms(timeout_s))
+            self._note("write", data[:sent], endpoint=endpoint)
         except usb.core.USBError as error:
+            self._note_stall(error, "write", data, endpoint=endpoint)
             self._fail(error, f"write to endpoint {endpoint:#04x}")
         if sent != len(data):
             raise Timeout(self.device, f"took {sent} of {len(data)} bytes on endpoint {endpoint:#04x}")
@@ -149,12 +190,14 @@ class UsbLink:
             left_s = end - self.clock.now()
             try:
                 data: array[int] = device.read(endpoint, size, _ms(min(max(left_s, 0.0), SLICE_S)))
+                self._note("read", data.tobytes(), endpoint=endpoint)
                 return data.tobytes()
             except usb.core.USBTimeoutError as error:
                 self.clock.run_due()
                 if self.clock.now() >= end:
                     self._fail(error, f"read from endpoint {endpoint:#04x} within {timeout_s:g} s")
             except usb.core.USBError as error:
+                self._note_stall(error, "read", b"", endpoint=endpoint)
                 self._fail(error, f"read from endpoint {endpoint:#04x}")
 
     def clear_halt(self, endpoint: int) -> None:
@@ -162,16 +205,20 @@ class UsbLink:
         device = self._opened()
         try:
             device.clear_halt(endpoint)
+            self._note("clear_halt", endpoint=endpoint)
         except usb.core.USBError as error:
             self._fail(error, f"clear halt of endpoint {endpoint:#04x}")
 
-    def _control(self, kind: int, request: int, value: int, data: int | bytes, timeout_s: float) -> Any:
+    def _control(self, kind: int, request: int, value: int, index: int, data: int | bytes, timeout_s: float) -> Any:
         device = self._opened()
+        asked = {"kind": kind, "request": request, "value": value, "index": index}
         try:
-            done = device.ctrl_transfer(kind, request, value, self.interface, data, _ms(timeout_s))
+            done = device.ctrl_transfer(kind, request, value, index, data, _ms(timeout_s))
+            self._note("control", data if isinstance(data, bytes) else bytes(done), **asked)
         except usb.core.USBError as error:
+            self._note_stall(error, "control", data if isinstance(data, bytes) else b"", **asked)
             self._fail(error, f"control request {request:#04x}")
-        if kind == 0x41 and isinstance(data, bytes) and done != len(data):
+        if kind == VENDOR_OUT and isinstance(data, bytes) and done != len(data):
             raise ProtocolError(self.device, f"control request {request:#04x} took {done} of {len(data)} bytes")
         return done
 
@@ -210,6 +257,14 @@ class UsbLink:
             raise LinkLost(self.device, "the device is not open", "connect first")
         return self._usb
 
+    def _note(self, what: str, data: bytes | None = None, **more: Any) -> None:
+        if self.transcript is not None:
+            self.transcript.note(self.clock.now(), self.name, what, data, **more)
+
+    def _note_stall(self, error: usb.core.USBError, what: str, data: bytes, **more: Any) -> None:
+        if error.errno == errno.EPIPE:
+            self._note(what, data, error="stall", **more)
+
     def _fail(self, error: usb.core.USBError, doing: str) -> NoReturn:
         code = error.errno
         if isinstance(error, usb.core.USBTimeoutError) or code == errno.ETIMEDOUT:
@@ -222,9 +277,29 @@ class UsbLink:
         if code == errno.EBUSY:
             raise LinkLost(self.device, f"{doing}: in use by another program", "close the other program") from error
         if code in (errno.ENODEV, errno.ENOENT, errno.ESHUTDOWN, errno.EIO):
+            self._note("lost", error=str(error))
             self.close()
             raise LinkLost(self.device, f"{doing}: the device has gone", "plug it in and connect again") from error
         raise ProtocolError(self.device, f"{doing}: {error}") from error
+
+
+def _described(device: Any) -> dict[str, Any]:
+    """Get what a transcript tells of a device: enough to make one like it."""
+    fields = ("idVendor", "idProduct", "bcdDevice", "speed")
+    settings = [
+        {
+            "number": i.bInterfaceNumber,
+            "alternate": i.bAlternateSetting,
+            "class": [i.bInterfaceClass, i.bInterfaceSubClass, i.bInterfaceProtocol],
+            "endpoints": [[e.bEndpointAddress, e.bmAttributes, e.wMaxPacketSize, e.bInterval] for e in i],
+        }
+        for i in device.get_active_configuration()
+    ]
+    return {
+        **{name: getattr(device, name) for name in fields},
+        "strings": [device.manufacturer, device.product, device.serial_number],
+        "interfaces": settings,
+    }
 
 
 def _ms(seconds: float) -> int:

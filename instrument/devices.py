@@ -10,19 +10,21 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.dg645 import DG645
+from drivers.errors import LinkLost
 from drivers.genesys import Genesys
 from drivers.helios import Helios, helios_link
 from drivers.mecom import Tec
 from drivers.pulser import Pulser
 from drivers.sampling_bridge import SamplingBridge, bridge_link
 from drivers.serial_link import SerialLink
+from drivers.transcript import Transcript
 from instrument.bench import Bench
 from instrument.errors import BadInput
 from instrument.settings import Links
 
 
-def make_bench(links: Links, clock: Clock, usb_backend: Any = None) -> Bench:
-    """Make the bench's devices; nothing is opened yet.
+class DeviceMaker:
+    """Makes the devices that the settings name; opens nothing.
 
     Parameters
     ----------
@@ -32,28 +34,85 @@ def make_bench(links: Links, clock: Clock, usb_backend: Any = None) -> Bench:
         Time for all of them.
     usb_backend : object, optional
         A pyusb backend; without it the one that the settings name, or libusb.
+    transcript : Transcript, optional
+        Where every byte both ways is written down.
+
+    Raises
+    ------
+    BadInput
+        By each method, when a port is missing in the settings or the backend cannot be made.
+    LinkLost
+        By the methods of the USB devices, when the backend cannot be reached.
+    """
+
+    def __init__(
+        self, links: Links, clock: Clock, usb_backend: Any = None, transcript: Transcript | None = None
+    ) -> None:
+        self.links = links
+        self.clock = clock
+        self._usb_backend = usb_backend
+        self._transcript = transcript
+
+    def dg645(self) -> DG645:
+        """Make the delay generator."""
+        return DG645(self._serial("dg645", "DG645", self.links.dg645, self.links.dg645_baud))
+
+    def genesys(self) -> Genesys:
+        """Make the drive supply."""
+        link = self._serial("genesys", "Genesys", self.links.genesys, self.links.genesys_baud, timeout_s=0.5)
+        return Genesys(link, address=self.links.genesys_address)
+
+    def tec(self) -> Tec:
+        """Make the temperature controller."""
+        return Tec(self._serial("tec", "TEC", self.links.tec, self.links.tec_baud), address=self.links.tec_address)
+
+    def helios(self) -> Helios:
+        """Make the galvo controller."""
+        link = helios_link(self.clock, backend=self._backend())
+        link.transcript = self._transcript
+        return Helios(link)
+
+    def bridge(self) -> SamplingBridge:
+        """Make the sampling bridge."""
+        link = bridge_link(self.clock, serial_number=self.links.bridge_serial or None, backend=self._backend())
+        link.transcript = self._transcript
+        return SamplingBridge(link)
+
+    def _serial(self, key: str, device: str, url: str, baud: int, *, timeout_s: float = 1.0) -> SerialLink:
+        if not url:
+            raise BadInput(f"settings: links.{key} is empty; give the port or URL of that device")
+        link = SerialLink(url, self.clock, device=device, baud=baud, timeout_s=timeout_s)
+        link.transcript = self._transcript
+        return link
+
+    def _backend(self) -> Any:
+        if self._usb_backend is None:
+            self._usb_backend = named_backend(self.links.usb_backend, self.links.usb_address)
+        return self._usb_backend
+
+
+def make_bench(links: Links, clock: Clock, usb_backend: Any = None, transcript: Transcript | None = None) -> Bench:
+    """Make the bench's devices; nothing is opened yet.
+
+    Parameters
+    ----------
+    links, clock, usb_backend, transcript
+        As for `DeviceMaker`.
 
     Raises
     ------
     BadInput
         When a port is missing in the settings or the backend cannot be made.
+    LinkLost
+        When the USB backend cannot be reached.
     """
-    for name in ("dg645", "genesys", "tec"):
-        if not getattr(links, name):
-            raise BadInput(f"settings: links.{name} is empty; give the port or URL of that device")
-    backend = usb_backend if usb_backend is not None else named_backend(links.usb_backend, links.usb_address)
-    dg645 = DG645(SerialLink(links.dg645, clock, device="DG645", baud=links.dg645_baud))
-    genesys = Genesys(
-        SerialLink(links.genesys, clock, device="Genesys", baud=links.genesys_baud, timeout_s=0.5),
-        address=links.genesys_address,
-    )
-    tec = Tec(SerialLink(links.tec, clock, device="TEC", baud=links.tec_baud), address=links.tec_address)
+    make = DeviceMaker(links, clock, usb_backend, transcript)
     return Bench(
         clock=clock,
-        pulser=Pulser(dg645, genesys, clock),
-        diode=tec,
-        galvo=Helios(helios_link(clock, backend=backend)),
-        sampler=SamplingBridge(bridge_link(clock, serial_number=links.bridge_serial or None, backend=backend)),
+        pulser=Pulser(make.dg645(), make.genesys(), clock),
+        diode=make.tec(),
+        galvo=make.helios(),
+        sampler=make.bridge(),
     )
 
 
@@ -64,12 +123,17 @@ def named_backend(name: str, address: str) -> Any:
     ------
     BadInput
         When the name is not of that form or cannot be imported.
+    LinkLost
+        When nobody answers at the address.
     """
     if not name:
         return None
     module, _, function = name.partition(":")
     try:
         return getattr(importlib.import_module(module), function)(address)
+    except OSError as error:
+        remedy = "start picoradar sim again, and use the settings file that it names"
+        raise LinkLost(f"USB backend ({name})", f"cannot reach {address!r}: {error}", remedy) from error
     except (ImportError, AttributeError, ValueError) as error:
         raise BadInput(
             f"settings: links.usb_backend {name!r}: {error}; give module:function, or leave it empty"
