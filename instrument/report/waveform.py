@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from instrument.ranging import SPEED_OF_LIGHT_MM_PER_PS, estimate
 from instrument.report.style import ACCENT, INK, SECOND, new_figure, tidy
 
 if TYPE_CHECKING:
@@ -42,29 +43,11 @@ def draw_waveform(times_ps: FloatArray, trace_mv: FloatArray, caption: str) -> F
 
 
 def time_significant_points(times_ps: FloatArray, trace_mv: FloatArray) -> list[tuple[float, float]]:
-    """Return (time in ps, level in mV) where the leading edges of the two highest pulses cross half of their own peak.
+    """Return (time in ps, level in mV) of the time-significant points of reference and echo, as far as there are any.
 
-    For the picture alone (`instrument.ranging` measures): peaks by height at least 1 ns apart, linear interpolation.
-    An empty list, or one entry, means that no pulse or only one stands out of the noise.
+    They come from the ranging itself, by half maximum (S 2.5); without calibration its range is c / 2 x Ti.
     """
-    step_ps = float(times_ps[1] - times_ps[0])
-    width = max(1, round(60.0 / step_ps))
-    smooth = np.convolve(trace_mv, np.full(width, 1 / width), mode="same")
-    baseline = float(np.median(smooth))
-    noise = float(np.median(np.abs(trace_mv - np.median(trace_mv)))) * 1.5
-    left = smooth.copy()
-    found = []
-    for _ in range(2):
-        peak = int(np.argmax(left))
-        height = left[peak] - baseline
-        if not height > max(6 * noise / np.sqrt(width), 2.0):
-            break
-        below = np.flatnonzero(smooth[:peak] < baseline + height / 2)
-        if below.size:
-            k = int(below[-1])
-            level = baseline + height / 2
-            part = (level - smooth[k]) / (smooth[k + 1] - smooth[k])
-            found.append((float(times_ps[k] + part * step_ps), float(level)))
-        around = round(1000.0 / step_ps)
-        left[max(0, peak - around) : peak + around] = -np.inf
-    return sorted(found)
+    found = estimate(trace_mv[None, :], times_ps, method="half-maximum")
+    interval_ps = 2 * found.range_mm[0] / SPEED_OF_LIGHT_MM_PER_PS
+    times = [time for time in (found.reference_ps[0], found.reference_ps[0] + interval_ps) if np.isfinite(time)]
+    return [(float(time), float(np.interp(time, times_ps, trace_mv))) for time in times]
