@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.clock import Clock
+from sim.drift import SlowDrift
+from sim.footprint import bundle
 from sim.noise import Noise
-from sim.receiver import Echo, Receiver
+from sim.receiver import Pulse, Receiver
 from sim.sampler import add_pulse, digitise
 from sim.scanner import MirrorPair
-from sim.scene import Scene, backscatter
+from sim.scene import Scene
 from sim.settings import SimulationSettings
 from sim.thermal import DiodeBlock
-from sim.transmitter import LaserPulse, Transmitter
+from sim.transmitter import OPERATING_DEGC, OPERATING_V, LaserPulse, Transmitter
 from sim.wires import Acquisition, Supply, TriggerLine
 
 LIGHT_MM_PER_PS = 0.299792458
 TEMPERATURE_GRID_DEGC = 0.01
-SURFACE_ROUGHNESS_RAD = 0.52
-NOMINAL_DRIVE_V = 290.0
-NOMINAL_DIODE_DEGC = 23.0
 
 
 class Truth(NamedTuple):
@@ -32,19 +32,30 @@ class Truth(NamedTuple):
     Attributes
     ----------
     range_mm : float
-        From mirror 1's axis to the target less the mirror separation; inf where the beam misses.
+        Along the axis of the beam from mirror 1's axis to the target, less the mirror separation; inf where it misses.
     response_mv : float
-        Peak of the echo at the photodiode; 0 without one.
+        Peak of the strongest echo at the photodiode; 0 without one.
     angles_rad : (2,) float array
         Optical angles of the two mirrors.
     point_mm : (3,) float array
-        Where the beam meets the target (scanner frame); NaN where it misses.
+        Where the axis of the beam meets the target (scanner frame); NaN where it misses.
     """
 
     range_mm: float
     response_mv: float
     angles_rad: NDArray[np.float64]
     point_mm: NDArray[np.float64]
+
+
+class _View(NamedTuple):
+    """What the spot sees: ``path_mm`` (N,) from the diode to the target and the share of the pulse's energy
+    that comes back onto the photodiode, ``returned`` (N,), for each ray that hits; and the beam's axis."""
+
+    path_mm: NDArray[np.float64]
+    returned: NDArray[np.float64]
+    range_mm: float
+    point_mm: NDArray[np.float64]
+    angles_rad: NDArray[np.float64]
 
 
 class Optics:
@@ -96,7 +107,9 @@ class Optics:
         self._scene = scene
         self._transmitter = Transmitter(settings)
         self._receiver = Receiver(settings)
-        self._nominal_pj = self._transmitter.pulse(NOMINAL_DRIVE_V, NOMINAL_DIODE_DEGC).energy_pj
+        self._drift = SlowDrift(noise, "sampler.drift", settings.drift_ps, settings.drift_time_s)
+        self._nominal_pj = self._transmitter.pulse(OPERATING_V, OPERATING_DEGC).energy_pj
+        self._reference = lru_cache(maxsize=16)(self._make_reference)
         self._clipped = False
         self.truth: dict[tuple[int, int, int], Truth] = {}
         block.heated_by(self._block_heat_w)
@@ -117,61 +130,83 @@ class Optics:
         All numbers come from streams keyed by ``wanted.key``, and the diode's temperature is taken on a grid of
         10 mK, so the same measurement under the same conditions gives the same codes whenever it is made.
         """
-        s = self._settings
-        instants_ps = wanted.delay_ps + s.strobe_lag_ps + wanted.step_ps * np.arange(wanted.samples, dtype=np.float64)
         signal_mv = np.zeros((wanted.sweeps, wanted.samples), dtype=np.float32)
-        variance_mv2 = np.full(wanted.samples, s.amplifier_noise_mv**2, dtype=np.float32)
+        variance_mv2 = np.full(wanted.samples, self._receiver.dark_noise_mv**2)
         if wanted.gate_open and self._trigger.rate_hz > 0:
-            self._add_light(wanted, instants_ps, signal_mv, variance_mv2)
+            self._add_light(wanted, signal_mv, variance_mv2)
         noise = self._noise.stream("receiver", *wanted.key).standard_normal(signal_mv.shape, dtype=np.float32)
-        noise *= np.sqrt(variance_mv2)
+        noise *= np.sqrt(variance_mv2).astype(np.float32)
         signal_mv += noise
-        sums, self._clipped = digitise(signal_mv, s)
+        sums, self._clipped = digitise(signal_mv, self._settings)
         return sums
 
     def _add_light(
-        self,
-        wanted: Acquisition,
-        instants_ps: NDArray[np.float64],
-        signal_mv: NDArray[np.float32],
-        variance_mv2: NDArray[np.float32],
+        self, wanted: Acquisition, signal_mv: NDArray[np.float32], variance_mv2: NDArray[np.float64]
     ) -> None:
         s = self._settings
         diode_degc = round(self._block.temperature_degc() / TEMPERATURE_GRID_DEGC) * TEMPERATURE_GRID_DEGC
-        pulse = self._transmitter.pulse(self._supply.output_v(), diode_degc)
-        reference = self._receiver.reference(pulse.energy_pj / self._nominal_pj, pulse.fwhm_ps)
-        pulses = [(pulse.delay_ps + s.reference_path_mm / LIGHT_MM_PER_PS, reference)]
+        drive_v = self._supply.output_v()
+        laser = self._transmitter.pulse(drive_v, diode_degc, self._trigger.rate_hz)
+        view = self._look(wanted)
 
-        truth, echo = self._look(wanted, pulse)
-        self.truth[wanted.key[:3]] = truth
-        if echo is not None:
-            path_mm = s.transmitter_path_mm + truth.range_mm + s.mirror_separation_mm
-            pulses.append((pulse.delay_ps + 2 * path_mm / LIGHT_MM_PER_PS, echo))
+        response_mv = self._sample(wanted, view, laser, signal_mv)
+        if laser.misfire_share > 0:
+            weak_mv = np.zeros_like(signal_mv)
+            self._sample(wanted, view, self._transmitter.misfire(drive_v, laser.delay_ps), weak_mv)
+            missed = self._noise.stream("laser.misfire", *wanted.key).random(signal_mv.shape) < laser.misfire_share
+            np.copyto(signal_mv, weak_mv, where=missed)
+        if s.lost_trigger_share > 0:
+            lost = self._noise.stream("sampler.lost_trigger", *wanted.key).random(signal_mv.shape)
+            signal_mv[lost < s.lost_trigger_share] = 0.0
+        self.truth[wanted.key[:3]] = Truth(view.range_mm, response_mv, view.angles_rad, view.point_mm)
 
-        jitter = self._noise.stream("sampler.jitter", *wanted.key)
-        for arrival_ps, shape in pulses:
-            add_pulse(signal_mv, instants_ps, arrival_ps, shape, jitter, s.trigger_jitter_ps)
         # Shot noise and energy noise act shot by shot, and each sample is a shot: independent, so variances add.
         mean_mv = np.maximum(signal_mv.mean(axis=0), 0.0)
-        variance_mv2 += self._receiver.shot_noise_mv(pulse.fwhm_ps) * mean_mv + (s.pulse_energy_noise * mean_mv) ** 2
+        variance_mv2 += (self._receiver.shot_noise_mv + laser.energy_noise**2 * mean_mv) * mean_mv
 
-    def _look(self, wanted: Acquisition, pulse: LaserPulse) -> tuple[Truth, Echo | None]:
+    def _sample(self, wanted: Acquisition, view: _View, laser: LaserPulse, signal_mv: NDArray[np.float32]) -> float:
+        """Add reference and echoes of one kind of laser pulse; returns the response of the strongest echo."""
+        s, receiver = self._settings, self._receiver
+        record_s = wanted.sweeps * (wanted.samples + wanted.settle_shots) / wanted.prf_hz
+        drift_ps = self._drift.at((wanted.key[0] + wanted.key[2]) * record_s)
+        instants_ps = (wanted.delay_ps + s.strobe_lag_ps + drift_ps) + wanted.step_ps * np.arange(
+            wanted.samples, dtype=np.float64
+        )
+        jitter = self._noise.stream("sampler.jitter", *wanted.key)
+
+        echoes = receiver.pulses(
+            laser.delay_ps + 2 * view.path_mm / LIGHT_MM_PER_PS,
+            receiver.charge_fc(laser.energy_pj * view.returned),
+            laser.fwhm_ps,
+        )
+        for pulse in self._reference(laser) + echoes:
+            add_pulse(signal_mv, instants_ps, pulse, jitter, s.trigger_jitter_ps)
+        return max((echo.response_mv for echo in echoes), default=0.0)
+
+    def _make_reference(self, laser: LaserPulse) -> list[Pulse]:
+        arrival_ps = laser.delay_ps + self._settings.reference_path_mm / LIGHT_MM_PER_PS
+        charge_fc = self._receiver.reference_charge_fc(laser.energy_pj / self._nominal_pj)
+        return self._receiver.pulses(np.array([arrival_ps]), np.array([charge_fc]), laser.fwhm_ps)
+
+    def _look(self, wanted: Acquisition) -> _View:
         """Follow the beam to the target and back; the middle of the first sweep stands for the whole record."""
         s = self._settings
         middle_s = wanted.start_s + (wanted.settle_shots + wanted.samples / 2) / wanted.prf_hz
         angles = self._mirrors.angles_rad(middle_s, *wanted.key[:3])
         beam = self._mirrors.ray(angles)
-        hits = self._scene.cast(beam.origin[None], beam.direction[None])
-        distance_mm = float(hits.distance_mm[0])
-        if not math.isfinite(distance_mm):
-            return Truth(math.inf, 0.0, angles, np.full(3, math.nan)), None
-        range_mm = beam.path_mm + distance_mm - s.mirror_separation_mm
-        relative = float(hits.reflectance[0] * backscatter(hits.cosine, SURFACE_ROUGHNESS_RAD)[0])
-        collected = relative * (s.aperture_diameter_mm / (2 * (range_mm + s.mirror_separation_mm))) ** 2
-        light_pj = pulse.energy_pj * s.exit_transmission * s.receiver_transmission * collected
-        echo = self._receiver.echo(self._receiver.charge_fc(light_pj), pulse.fwhm_ps)
-        return Truth(range_mm, echo.response_mv, angles, beam.origin + distance_mm * beam.direction), echo
+        origins = bundle(beam.origin, beam.direction, s.spot_diameter_mm)
+        if s.motion_mm > 0:
+            origins[:, 2] -= s.motion_mm * math.sin(2 * math.pi * middle_s / s.motion_period_s)
+        hits = self._scene.cast(origins, np.broadcast_to(beam.direction, origins.shape))
+
+        axis_mm = float(hits.distance_mm[0])
+        point = beam.origin + axis_mm * beam.direction if math.isfinite(axis_mm) else np.full(3, math.nan)
+        seen = hits.brightness > 0
+        path_mm = beam.path_mm + hits.distance_mm[seen]
+        collected = (s.aperture_diameter_mm / (2 * path_mm)) ** 2  # of what a white Lambertian sends back
+        returned = hits.brightness[seen] * collected * (s.exit_transmission * s.receiver_transmission / len(origins))
+        range_mm = beam.path_mm + axis_mm - s.mirror_separation_mm
+        return _View(path_mm + s.transmitter_path_mm, returned, range_mm, point, angles)
 
     def _block_heat_w(self) -> float:
-        power_w = self._transmitter.electrical_power_w(self._supply.output_v(), self._trigger.rate_hz)
-        return self._settings.pulser_heat_share * power_w
+        return self._transmitter.block_heat_w(self._supply.output_v(), self._trigger.rate_hz)

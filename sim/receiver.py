@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from functools import lru_cache
 from typing import NamedTuple
@@ -11,15 +12,21 @@ from numpy.typing import NDArray
 
 from sim.settings import SimulationSettings
 
+FloatArray = NDArray[np.float64]
+
 ELECTRON_C = 1.602176634e-19
+CARRIER_EXPONENT = 0.3  # shape of the collected current, (1 - t/T)^0.3
 POLES = 4
 RISE_PER_POLE = 4.936  # 10-90 % rise of a step through POLES equal poles, in their time constant
-CARRIER_EXPONENT = 0.3  # shape of the collected current, (1 - t/T)^0.3
+SIGMA_PER_FWHM = 1.0 / math.sqrt(8 * math.log(2))
 GRID_PS = 1.0
-TABLE_PS = 0.25  # spacing of the tables: nearest entry is good to 1e-3 of a pulse, well below a code
+TABLE_PS = 0.25  # nearest entry is good to 1e-3 of a pulse, well below a code
 SPAN_PS = 8192
-SUPPORT_LEVEL = 1e-5
+SUPPORT_LEVEL = 1e-4
 LEVELS = 33
+NOMINAL_FWHM_PS = 44.0
+APART_PS = 200.0  # light that arrives later than this is a pulse of its own for the photodiode's speed
+TOGETHER_PS = 10.0  # light that arrives within this is as good as together: 0.2 % of rise time
 
 
 class PulseTable(NamedTuple):
@@ -36,22 +43,22 @@ class PulseTable(NamedTuple):
     """
 
     shapes: NDArray[np.float32]
-    widths_ps: NDArray[np.float64]
+    widths_ps: FloatArray
     start_ps: float
 
 
-class Echo(NamedTuple):
-    """A pulse at the photodiode: ``shape`` (N,) float32 in mV every `TABLE_PS` from ``start_ps`` on (relative to
-    the arrival of the light), its peak ``response_mv``, and ``duration_ps``."""
+class Pulse(NamedTuple):
+    """Voltage at the photodiode: ``shape`` (N,) float32 in mV every `TABLE_PS` from ``begin_ps`` on, with the peak
+    ``response_mv``."""
 
     shape: NDArray[np.float32]
-    start_ps: float
+    begin_ps: float
     response_mv: float
 
     @property
-    def duration_ps(self) -> float:
-        """Get the time from first to last entry (ps)."""
-        return (len(self.shape) - 1) * TABLE_PS
+    def end_ps(self) -> float:
+        """Get the time of the last entry (ps)."""
+        return self.begin_ps + (len(self.shape) - 1) * TABLE_PS
 
 
 class Receiver:
@@ -59,63 +66,96 @@ class Receiver:
 
     The light becomes a current that falls off while the last carriers are collected; the photodiode and the bridge's
     input are four equal poles each; the mismatch between them sends an inverted, delayed copy after the pulse (the
-    small overshoot). At small response the photodiode's own rise time grows: the whole edge, with its 50 % point,
-    comes later. That is the timing walk.
+    small overshoot); the sampling gate averages over its aperture. At small response the photodiode's own rise time
+    grows: the whole edge, with its 50 % point, comes later. That is the timing walk.
     """
 
     def __init__(self, settings: SimulationSettings) -> None:
-        self._settings = settings
+        self._s = settings
         self._table = lru_cache(maxsize=32)(self._make_table)
+        bandwidth_hz = 0.35e12 / math.hypot(settings.photodiode_rise_ps, settings.bridge_rise_ps)
+        self._shot_noise_a = (
+            2 * ELECTRON_C * settings.excess_noise_factor * settings.avalanche_gain**2 * bandwidth_hz
+        )  # A^2 for each A of primary current
+        background_a = settings.background_nw * 1e-9 * settings.responsivity_a_per_w
+        background_mv = 1e3 * settings.load_ohm * math.sqrt(self._shot_noise_a * background_a)
+        self.dark_noise_mv = math.hypot(settings.amplifier_noise_mv, background_mv)
 
-    def charge_fc(self, light_pj: float) -> float:
-        """Get the charge (fC) that ``light_pj`` on the photodiode sets free, multiplication included."""
-        return light_pj * self._settings.responsivity_a_per_w * self._settings.avalanche_gain * 1e3
+    @property
+    def shot_noise_mv(self) -> float:
+        """Get k (mV) of the shot noise's variance ``k x signal`` (mV^2).
+
+        Electrons arrive at random and are multiplied with an excess noise factor F: the variance of the multiplied
+        current is 2 q F M^2 B times the primary one, with the noise bandwidth B about 0.35 / rise time.
+        """
+        return 1e3 * self._s.load_ohm * self._shot_noise_a / self._s.avalanche_gain
+
+    def charge_fc(self, light_pj: FloatArray) -> FloatArray:
+        """Get the charge (fC) that light on the photodiode (pJ) sets free, multiplication included."""
+        return light_pj * (self._s.responsivity_a_per_w * self._s.avalanche_gain * 1e3)
 
     def rise_excess(self, response_mv: float) -> float:
         """Get the relative growth of the photodiode's own rise time at a response."""
-        s = self._settings
-        exponent = (response_mv - s.slow_rise_response_mv) / s.slow_rise_width_mv
-        return s.slow_rise_excess / (1.0 + math.exp(min(exponent, 700.0)))
+        exponent = (response_mv - self._s.slow_rise_response_mv) / self._s.slow_rise_width_mv
+        return self._s.slow_rise_excess / (1.0 + math.exp(min(exponent, 700.0)))
 
-    def echo(self, charge_fc: float, laser_fwhm_ps: float) -> Echo:
-        """Get the pulse that a charge gives.
+    def pulses(self, arrivals_ps: FloatArray, charges_fc: FloatArray, laser_fwhm_ps: float) -> list[Pulse]:
+        """Get what the photodiode makes of light that arrives in several parts.
 
         Parameters
         ----------
-        charge_fc : float
-            Charge after multiplication.
+        arrivals_ps, charges_fc : (N,) arrays
+            Arrival of each part (centre of the laser pulse) and the charge that it frees.
         laser_fwhm_ps : float
-            Width of the light pulse.
+            Width of the laser pulse.
+
+        Returns
+        -------
+        list of Pulse
+            One for each group of parts that arrive close together, in order of time.
         """
+        order = arrivals_ps.argsort()
+        order = order[charges_fc[order] > 0]
+        arrivals, charges = arrivals_ps[order], charges_fc[order]
+        cuts = np.nonzero(arrivals[1:] - arrivals[:-1] > APART_PS)[0] + 1
+        bounds = [0, *cuts.tolist(), len(arrivals)]
+        return [self._group(arrivals[i:j], charges[i:j], laser_fwhm_ps) for i, j in itertools.pairwise(bounds) if j > i]
+
+    def reference_charge_fc(self, relative_energy: float) -> float:
+        """Get the charge of the reference pulse for a laser energy relative to that at 290 V and 23 degC."""
+        widths_ps = self._table(NOMINAL_FWHM_PS).widths_ps
+        return relative_energy * self._s.reference_response_mv * float(widths_ps[0]) / self._s.load_ohm
+
+    def _group(self, arrivals_ps: FloatArray, charges_fc: FloatArray, laser_fwhm_ps: float) -> Pulse:
+        charge_fc = float(charges_fc.sum())
+        start_ps, shape, response_mv = self._response(charge_fc, laser_fwhm_ps)
+        first_ps = float(arrivals_ps[0])
+        if arrivals_ps[-1] - first_ps < TOGETHER_PS:
+            return Pulse(shape, float(arrivals_ps @ charges_fc) / charge_fc + start_ps, response_mv)
+        places = np.rint((arrivals_ps - first_ps) / TABLE_PS).astype(np.int64)
+        together = np.zeros(len(shape) + int(places[-1]), dtype=np.float32)
+        for place, share in zip(places, charges_fc / charge_fc, strict=True):
+            together[place : place + len(shape)] += np.float32(share) * shape
+        return Pulse(together, first_ps + start_ps, float(together.max()))
+
+    def _response(self, charge_fc: float, laser_fwhm_ps: float) -> tuple[float, NDArray[np.float32], float]:
+        """Start (ps), shape (mV) and peak (mV) of the response to one charge at time 0."""
         table = self._table(round(laser_fwhm_ps, 1))
-        volts_area = charge_fc * self._settings.load_ohm  # fC x ohm = mV ps
+        volts_area = charge_fc * self._s.load_ohm  # fC x ohm = mV ps
+        linear_mv = volts_area / float(table.widths_ps[0])
+        volts_area /= math.sqrt(1.0 + (linear_mv / self._s.saturation_mv) ** 2)
         excess = self.rise_excess(volts_area / float(table.widths_ps[0]))
-        place = excess / self._settings.slow_rise_excess * (LEVELS - 1) if excess > 0 else 0.0
+        place = excess / self._s.slow_rise_excess * (LEVELS - 1) if excess > 0 else 0.0
         low = min(int(place), LEVELS - 2)
-        high_share = place - low
-        width_ps = (1 - high_share) * float(table.widths_ps[low]) + high_share * float(table.widths_ps[low + 1])
+        share = place - low
+        width_ps = (1 - share) * float(table.widths_ps[low]) + share * float(table.widths_ps[low + 1])
         response_mv = volts_area / width_ps
-        shape = np.float32((1 - high_share) * response_mv) * table.shapes[low]
-        shape += np.float32(high_share * response_mv) * table.shapes[low + 1]
-        return Echo(shape, table.start_ps, response_mv)
-
-    def reference(self, relative_energy: float, laser_fwhm_ps: float) -> Echo:
-        """Get the reference pulse for a laser energy relative to that at 290 V and 23 degC."""
-        nominal_mv_ps = self._settings.reference_response_mv * float(self._table(44.0).widths_ps[0])
-        return self.echo(relative_energy * nominal_mv_ps / self._settings.load_ohm, laser_fwhm_ps)
-
-    def shot_noise_mv(self, laser_fwhm_ps: float) -> float:
-        """Get k (mV) of the shot noise's variance ``k x signal`` (mV^2).
-
-        Electrons arrive at random; each gives the unit response of the receiver, so at a current i the
-        variance is 2 q F M i R^2 B with B the noise bandwidth, about 0.35 / rise time.
-        """
-        s = self._settings
-        bandwidth_hz = 0.35e12 / math.hypot(s.photodiode_rise_ps, s.bridge_rise_ps, laser_fwhm_ps * 0.7)
-        return 2 * ELECTRON_C * s.excess_noise_factor * s.avalanche_gain * s.load_ohm * bandwidth_hz * 1e3
+        shape = np.float32((1 - share) * response_mv) * table.shapes[low]
+        shape += np.float32(share * response_mv) * table.shapes[low + 1]
+        return table.start_ps, shape, response_mv
 
     def _make_table(self, laser_fwhm_ps: float) -> PulseTable:
-        s = self._settings
+        s = self._s
         lead_ps = math.ceil(1.5 * laser_fwhm_ps)
         t = np.arange(SPAN_PS, dtype=np.float64) * GRID_PS
         light = np.exp(-4 * math.log(2) * ((t - lead_ps) / laser_fwhm_ps) ** 2)
@@ -124,6 +164,7 @@ class Receiver:
         omega = 2 * np.pi * np.fft.rfftfreq(SPAN_PS, GRID_PS)
         spectrum *= (1 + 1j * omega * s.bridge_rise_ps / RISE_PER_POLE) ** -POLES
         spectrum *= 1 - s.mismatch_reflection * np.exp(-1j * omega * s.mismatch_delay_ps)
+        spectrum *= np.exp(-0.5 * (omega * s.aperture_ps * SIGMA_PER_FWHM) ** 2)
         excess = np.linspace(0.0, s.slow_rise_excess, LEVELS)[:, None]
         own_ps = s.photodiode_rise_ps / RISE_PER_POLE * (1 + excess)
         pulses = np.fft.irfft(spectrum * (1 + 1j * omega * own_ps) ** -POLES, SPAN_PS, axis=1)
@@ -131,4 +172,5 @@ class Receiver:
         last = int(np.nonzero(np.abs(pulses).max(axis=0) > SUPPORT_LEVEL)[0][-1]) + 2
         fine = np.arange(0.0, last * GRID_PS, TABLE_PS)
         shapes = np.array([np.interp(fine, t, pulse) for pulse in pulses], dtype=np.float32)
+        shapes[:, [0, -1]] = 0.0
         return PulseTable(shapes, pulses.sum(axis=1) * GRID_PS, -float(lead_ps))

@@ -17,6 +17,7 @@ from sim.settings import SimulationSettings
 Vector = NDArray[np.float64]
 
 REMEMBERED_COMMANDS = 256
+FULL_FIELD_DEG = 40.0
 
 
 class Beam(NamedTuple):
@@ -58,6 +59,9 @@ class MirrorPair:
         self._clock = clock
         self._settings = settings
         self._noise = noise
+        shares = noise.stream("scanner.linearity").uniform(-1.0, 1.0, (4, 2))
+        shares /= np.abs(shares).sum(axis=0)
+        self._linearity_deg = settings.linearity_percent / 100 * FULL_FIELD_DEG * shares
         rest = np.zeros(2)
         self._history = deque([_Motion(-math.inf, rest, rest, rest, rest)], maxlen=REMEMBERED_COMMANDS)
 
@@ -95,6 +99,10 @@ class MirrorPair:
         offset = np.array([s.x_offset_deg, s.y_offset_deg])
         error = self._noise.stream("scanner.repeatability", *key).normal(0.0, 1.0, 2) * s.repeatability_deg
         angles_deg = self.position(t_s) * (s.field_deg / 2) * scale + offset + error
+        if s.linearity_percent > 0:
+            # A smooth curve over the full field, within the maker's limit: sum of Chebyshev polynomials.
+            places = angles_deg / (FULL_FIELD_DEG / 2)
+            angles_deg += np.polynomial.chebyshev.chebval(places, self._linearity_deg, tensor=False)
         return np.asarray(np.radians(angles_deg))
 
     def beam(self, t_s: float, *key: int) -> Beam:
@@ -141,29 +149,33 @@ def trace(x_turn_rad: float, y_turn_rad: float, separation_mm: float, axis_turn_
     Beam
         The ray after mirror 2.
     """
-    first_normal = _turned(np.array([-1.0, 1.0, 0.0]) / math.sqrt(2), np.array([0.0, 0.0, 1.0]), -x_turn_rad)
-    second_axis = np.array([math.cos(axis_turn_rad), math.sin(axis_turn_rad), 0.0])
-    at_rest = np.array([math.sin(axis_turn_rad), -math.cos(axis_turn_rad), 1.0]) / math.sqrt(2)
-    second_normal = _turned(at_rest, second_axis, -y_turn_rad)
+    half = math.sqrt(0.5)
+    first_normal = _turned((-half, half, 0.0), (0.0, 0.0, 1.0), -x_turn_rad)
+    along, across = math.cos(axis_turn_rad), math.sin(axis_turn_rad)
+    second_normal = _turned((across * half, -along * half, half), (along, across, 0.0), -y_turn_rad)
 
-    first_hit = np.array([0.0, -separation_mm, 0.0])
-    between = _reflected(np.array([1.0, 0.0, 0.0]), first_normal)
-    path_mm = -float(first_hit @ second_normal) / float(between @ second_normal)
-    return Beam(first_hit + path_mm * between, _reflected(between, second_normal), path_mm)
-
-
-def _reflected(direction: Vector, normal: Vector) -> Vector:
-    return direction - 2.0 * float(direction @ normal) * normal
+    first_hit = (0.0, -separation_mm, 0.0)
+    between = _reflected((1.0, 0.0, 0.0), first_normal)
+    path_mm = -_dot(first_hit, second_normal) / _dot(between, second_normal)
+    second_hit = np.array(first_hit) + path_mm * np.array(between)
+    return Beam(second_hit, np.array(_reflected(between, second_normal)), path_mm)
 
 
-def _turned(vector: Vector, axis: Vector, angle_rad: float) -> Vector:
-    """Turn ``vector`` about the unit ``axis`` (Rodrigues)."""
-    along = float(axis @ vector) * axis
-    cross = np.array(
-        [
-            axis[1] * vector[2] - axis[2] * vector[1],
-            axis[2] * vector[0] - axis[0] * vector[2],
-            axis[0] * vector[1] - axis[1] * vector[0],
-        ]
-    )
-    return along + (vector - along) * math.cos(angle_rad) + cross * math.sin(angle_rad)
+# Plain tuples: for single vectors they are several times as fast as arrays.
+_Triple = tuple[float, float, float]
+
+
+def _dot(a: _Triple, b: _Triple) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _reflected(direction: _Triple, normal: _Triple) -> _Triple:
+    twice = 2.0 * _dot(direction, normal)
+    return direction[0] - twice * normal[0], direction[1] - twice * normal[1], direction[2] - twice * normal[2]
+
+
+def _turned(vector: _Triple, axis: _Triple, angle_rad: float) -> _Triple:
+    """Turn ``vector`` about the unit ``axis`` across it (Rodrigues)."""
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    (a, b, d), (x, y, z) = axis, vector
+    return c * x + s * (b * z - d * y), c * y + s * (d * x - a * z), c * z + s * (a * y - b * x)

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.materials import Material, backscatter
+
 FloatArray = NDArray[np.float64]
 MISS = -1
 
 
 class Hits(NamedTuple):
-    """Where N rays meet the target: ``distance_mm`` (N,) (inf where they miss), ``face`` (N,) (-1 where
-    they miss), ``cosine`` (N,) of the incidence angle, ``reflectance`` (N,) of the face."""
+    """Where N rays meet the target: ``distance_mm`` (N,) (inf where they miss), ``face`` (N,) (-1 where they miss),
+    ``cosine`` (N,) of the incidence angle, and ``brightness`` (N,), what comes back relative to a white
+    Lambertian at normal incidence (0 where they miss)."""
 
     distance_mm: FloatArray
     face: NDArray[np.int64]
     cosine: FloatArray
-    reflectance: FloatArray
+    brightness: FloatArray
 
 
 @dataclass(frozen=True)
@@ -33,14 +35,26 @@ class Target:
     vertices : (V, 3) float array
         mm.
     faces : (F, 3) int array
-    reflectance : (F,) float array
-        Diffuse reflectance of each face at 904 nm.
+    materials : tuple of Material
+    face_material : (F,) int array
+        Index into ``materials`` for each face.
     """
 
     name: str
     vertices: FloatArray
     faces: NDArray[np.int64]
-    reflectance: FloatArray
+    materials: tuple[Material, ...]
+    face_material: NDArray[np.int64]
+
+    def joined(self, other: Target) -> Target:
+        """Get this body with another one, in the same frame, added to it."""
+        return Target(
+            self.name,
+            np.vstack([self.vertices, other.vertices]),
+            np.vstack([self.faces, other.faces + len(self.vertices)]),
+            self.materials + other.materials,
+            np.concatenate([self.face_material, other.face_material + len(self.materials)]),
+        )
 
 
 class Scene:
@@ -55,6 +69,11 @@ class Scene:
         The body.
     scanner_from_model : (4, 4) array
         Its pose, mm.
+
+    Raises
+    ------
+    ValueError
+        When no triangle of the target has an area, or a coordinate is not finite.
     """
 
     def __init__(self, target: Target, scanner_from_model: FloatArray) -> None:
@@ -70,9 +89,10 @@ class Scene:
         if not np.isfinite(corners).all() or not (lengths > 0).any():
             raise ValueError(f"target {target.name}: needs finite vertices and at least one triangle with an area")
         keep = lengths[:, 0] > 0
-        self._normals = normals[keep] / lengths[keep]
-        self._offsets = np.einsum("ij,ij->i", self._normals, corners[keep, 0])
-        self._reflectance = target.reflectance[keep]
+        normals = normals[keep] / lengths[keep]
+        offsets = np.einsum("ij,ij->i", normals, corners[keep, 0])
+        surfaces = np.array([material.coefficients() for material in target.materials])[target.face_material[keep]]
+        self._faces = np.column_stack([normals, offsets, surfaces])
         self._embree = EmbreeScene()
         self._mesh = TriangleMesh(self._embree, np.ascontiguousarray(corners[keep], dtype=np.float32))
 
@@ -88,35 +108,14 @@ class Scene:
         -------
         Hits
         """
-        face = self._embree.run(origins.astype(np.float32), directions.astype(np.float32)).astype(np.int64)
-        hit = np.maximum(face, 0)
-        normal = self._normals[hit]
-        slope = np.einsum("ij,ij->i", normal, directions)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            distance = (self._offsets[hit] - np.einsum("ij,ij->i", normal, origins)) / slope
-        seen = (face != MISS) & np.isfinite(distance) & (distance > 0)
-        return Hits(
-            np.where(seen, distance, math.inf),
-            np.where(seen, face, MISS),
-            np.where(seen, np.abs(slope), 0.0),
-            np.where(seen, self._reflectance[hit], 0.0),
-        )
-
-
-def backscatter(cosine: FloatArray, roughness_rad: float) -> FloatArray:
-    """Get what a rough diffuse surface sends back to the source, relative to a white Lambertian at normal incidence.
-
-    Oren and Nayar (SIGGRAPH 1994), first order model, with the eye at the lamp: facets that face the source keep
-    a tilted rough surface bright where a smooth one would go as the cosine.
-
-    Parameters
-    ----------
-    cosine : (N,) array
-        Cosine of the incidence angle.
-    roughness_rad : float
-        Standard deviation of the facets' slope angle; 0 gives Lambert's law.
-    """
-    variance = roughness_rad**2
-    a = 1.0 - 0.5 * variance / (variance + 0.33)
-    b = 0.45 * variance / (variance + 0.09)
-    return np.asarray(np.where(cosine > 0, a * cosine + b * (1.0 - cosine**2), 0.0))
+        face = self._embree.run(origins.astype(np.float32), directions.astype(np.float32))
+        surface = self._faces[np.maximum(face, 0)]
+        normal = surface[:, :3]
+        slope = (normal * directions).sum(axis=1)
+        height = surface[:, 3] - (normal * origins).sum(axis=1)
+        distance = np.full(len(face), np.inf)
+        np.divide(height, slope, out=distance, where=(face != MISS) & (slope != 0))
+        seen = (distance > 0) & (distance < np.inf)
+        distance[~seen] = np.inf
+        cosine = np.abs(slope) * seen
+        return Hits(distance, np.where(seen, face, MISS).astype(np.int64), cosine, backscatter(cosine, surface[:, 4:]))

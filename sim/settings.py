@@ -17,7 +17,7 @@ class SimulationSettings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     # Scene
-    target: str = Field("hip", min_length=1, description="hip, prism, gray, plate, step, or the path of a mesh in mm")
+    target: str = Field("hip", min_length=1, description="hip, prism, gray, plate, step, sphere, or a mesh file in mm")
     target_pose: Pose | None = Field(
         None, description="Target in the scanner frame: x, y, z (mm), turns about x, y, z (deg); none: by seed"
     )
@@ -26,10 +26,55 @@ class SimulationSettings(BaseModel):
         None, gt=0, le=1, description="Diffuse reflectance at 904 nm of the whole target; none: the target's own"
     )
 
-    # Laser and its path
-    current_delay_ps: float = Field(0.0, ge=0, le=5000, description="Trigger to start of the current pulse")
+    spot_diameter_mm: float = Field(1.0, ge=0, le=10, description="Spot on the target (1/e^2); 0: one ray a beam")
+    surgical: bool = Field(False, description="Dress the hip: wet bone, fat pad, clot of 2 x 2 mm, two retractors")
+    tissue_share: float = Field(
+        0.0, ge=0, le=0.8, description="Share of the socket under tissue, torn strands and blood"
+    )
+    motion_mm: float = Field(0.0, ge=0, le=20, description="Amplitude of the target's slow motion along the beam")
+    motion_period_s: float = Field(4.0, gt=0, le=1000, description="Period of that motion (breathing)")
+    background_nw: float = Field(20.0, ge=0, le=1e6, description="Steady light on the photodiode")
+
+    # Pulser and laser diode
+    storage_capacitance_pf: float = Field(205.0, gt=0, le=5000, description="Capacitor discharged through the diode")
+    current_rise_ns: float = Field(2.39, gt=0, le=50, description="Rise time of the current at 290 V, 23 degC, 80 kHz")
+    current_shortening_per_k: float = Field(0.0158, ge=0, le=0.1, description="Shortening of the current by warmth")
+    current_delay_ns_per_w: float = Field(0.193, ge=0, le=10, description="Delay of the current by the pulser's power")
+    current_noise: float = Field(0.004, ge=0, le=0.05, description="Shot-to-shot relative deviation of the current")
+    emission_delay_ps: float = Field(4500.0, ge=0, le=20000, description="Trigger to spike at 290 V, 23 degC, 80 kHz")
+    gathering_delay_ps: float = Field(2400.0, ge=0, le=20000, description="Share of it that falls as 1/current")
+    delay_ps_per_k: float = Field(60.0, ge=0, le=1000, description="Later emission of a warmer diode")
+    junction_k_per_w: float = Field(0.25, ge=0, le=20, description="Junction over block by the pulser's power")
+    free_inversion: float = Field(3.0, gt=1, le=20, description="Inversion over threshold at 290 V, 23 degC, unclamped")
+    clamped_inversion: float = Field(
+        1.42, gt=1, le=5, description="Inversion over threshold that the normal mode allows"
+    )
+    inversion_offset_v: float = Field(71.0, ge=0, le=200, description="Voltage at which no inversion would be left")
+    suppression_v: float = Field(
+        277.0, ge=200, le=350, description="Voltage that half suppresses the normal mode, 23 degC"
+    )
+    suppression_v_per_k: float = Field(1.0, ge=0, le=20, description="How much less of it a warmer diode needs")
+    suppression_width_v: float = Field(2.4, gt=0, le=20, description="Width of that transition")
+    gathering_offset_k: float = Field(5.0, gt=0, le=20, description="How far below 23 degC no carriers gather")
+    gathering_k: float = Field(2.5, gt=0, le=20, description="Warming that gathers most of the rest")
+    efficiency_offset_k: float = Field(
+        5.0, ge=0, le=20, description="How far below 23 degC warmth begins to cost power"
+    )
+    efficiency_fall_k: float = Field(7.6, gt=0, le=100, description="Warming from there that leaves 1/e of the power")
+    photon_power_w: float = Field(143.1, gt=0, le=5000, description="Power scale of the spike")
+    photon_lifetime_ps: float = Field(8.1, gt=0, le=100, description="Photon lifetime in the cavity")
+    spike_floor_ps: float = Field(36.0, ge=0, le=100, description="Width of the spike at unlimited inversion")
+    misfire_v: float = Field(234.0, ge=0, le=300, description="Voltage at which half the shots miss the spike")
+    normal_peak_w: float = Field(2.3, gt=0, le=50, description="Peak power of the normal mode at 240 V")
+    normal_fwhm_ps: float = Field(637.0, gt=0, le=2000, description="Width of the pulse of the normal mode")
+    pulser_heat_share: float = Field(0.3, ge=0, le=1, description="Share of the pulser's power that heats the block")
+    recovery_limit_w: float = Field(
+        1.476, gt=0, le=100, description="Pulser power above which it overheats (300 V, 80 kHz)"
+    )
+    overheating_factor: float = Field(5.0, ge=0, le=50, description="Heat in the block per power above that limit")
+
+    # Optical paths
     exit_transmission: float = Field(0.62, gt=0, le=1, description="Share of the laser pulse that leaves the scanner")
-    pulse_energy_noise: float = Field(0.015, ge=0, le=0.2, description="Shot-to-shot deviation of the pulse energy")
     transmitter_path_mm: float = Field(60.0, ge=0, le=500, description="Optical path from the diode to mirror 1")
     reference_path_mm: float = Field(1031.4, ge=100, le=3000, description="Optical length of the reference fibre")
     reference_response_mv: float = Field(45.0, gt=0, le=100, description="Reference pulse at 290 V and 23 degC")
@@ -49,9 +94,18 @@ class SimulationSettings(BaseModel):
     slow_rise_excess: float = Field(0.8, ge=0, le=3, description="Growth of the own rise time at vanishing response")
     slow_rise_response_mv: float = Field(14.0, ge=0, le=100, description="Response at which half of it is left")
     slow_rise_width_mv: float = Field(3.0, gt=0, le=50, description="Width of that transition")
+    saturation_mv: float = Field(
+        300.0, gt=0, le=10000, description="Response at which the photodiode's gain is down 3 dB"
+    )
     amplifier_noise_mv: float = Field(0.55, ge=0, le=20, description="Noise of bridge and amplifier at the photodiode")
 
     # Sampler
+    aperture_ps: float = Field(12.0, ge=0, le=200, description="Width (FWHM) of the sampling gate")
+    drift_ps: float = Field(8.0, ge=0, le=1000, description="Slow wander of strobe against laser (standard deviation)")
+    drift_time_s: float = Field(300.0, gt=0, le=1e5, description="Time over which it wanders")
+    lost_trigger_share: float = Field(0.0, ge=0, le=1, description="Share of the shots without a laser pulse")
+    adc_offset_codes: float = Field(0.2, ge=-20, le=20, description="Offset of the A/D")
+    adc_bow_codes: float = Field(0.3, ge=-20, le=20, description="Integral non-linearity of the A/D at mid-scale")
     strobe_lag_ps: float = Field(850.0, ge=0, le=5000, description="Sampling strobe after its programmed instant")
     trigger_jitter_ps: float = Field(2.5, ge=0, le=50, description="Shot-to-shot deviation of strobe against laser")
     code_of_zero: float = Field(32.0, ge=0, le=255, description="A/D code of 0 V")
@@ -65,6 +119,9 @@ class SimulationSettings(BaseModel):
     x_offset_deg: float = Field(0.0, ge=-2, le=2, description="Optical angle of the first mirror at zero command")
     y_offset_deg: float = Field(0.0, ge=-2, le=2, description="Optical angle of the second mirror at zero command")
     non_orthogonality_deg: float = Field(0.0, ge=-2, le=2, description="Turn of the second axis about the beam at rest")
+    linearity_percent: float = Field(
+        0.0, ge=0, le=5, description="Smooth static error, % of the full 40 deg field; XY30-G3B 0.3, XY30-M3ST 0.005"
+    )
     repeatability_deg: float = Field(0.0022, ge=0, le=1, description="Deviation of the optical angle at each return")
     servo_time_ms: float = Field(0.2, gt=0, le=100, description="Time constant of the mirror servo, critically damped")
     creep_share: float = Field(0.0125, ge=0, lt=1, description="Share of a step that only creeps in")
@@ -78,5 +135,3 @@ class SimulationSettings(BaseModel):
     sink_conductance_w_per_k: float = Field(4.0, gt=0, le=100, description="Heat sink to the air")
     peltier_w_per_a: float = Field(2.5, gt=0, le=100, description="Heat pumped for a current")
     peltier_ohm: float = Field(1.5, gt=0, le=100, description="Resistance of the Peltier element")
-    storage_capacitance_pf: float = Field(205.0, gt=0, le=5000, description="Capacitor discharged through the diode")
-    pulser_heat_share: float = Field(0.3, ge=0, le=1, description="Share of the pulser's power that heats the block")

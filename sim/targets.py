@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.scene import FloatArray, Target
-from sim.settings import Pose
+from sim.materials import BONE_MOIST, GRAY_PAINT, WHITE, Material, paint
+from sim.noise import Noise
+from sim.scene import FloatArray, Scene, Target
+from sim.settings import Pose, SimulationSettings
+from sim.tissue import clutter, dress
 
 HIP_FILE = Path(__file__).parent / "data" / "hip_right.stl"
-HIP_REFLECTANCE = 0.66  # moist bone and cartilage at 904 nm
-GRAY_PAINT_REFLECTANCE = 0.5
-WHITE_REFLECTANCE = 0.9
 
 # Sphere fit to the wall of the socket (radius 25.5 mm, rms 0.6 mm), and its opening direction: the mean normal of that
 # wall. The hip model has y up and z forward; seen along the axis from outside, right is forward on a right hip.
@@ -32,7 +32,7 @@ def load_target(name: str, reflectance: float | None = None) -> Target:
     Parameters
     ----------
     name : str
-        ``hip``, ``prism``, ``gray``, ``plate``, ``step`` or the path of a mesh file in mm.
+        ``hip``, ``prism``, ``gray``, ``plate``, ``step``, ``sphere`` or the path of a mesh file in mm.
     reflectance : float, optional
         Diffuse reflectance of the whole body; by default each body has its own.
 
@@ -42,10 +42,13 @@ def load_target(name: str, reflectance: float | None = None) -> Target:
         When it is a file that cannot be read, or holds no usable mesh in mm.
     """
     body = _BODIES.get(name)
-    target = body() if body is not None else _from_file(name, HIP_REFLECTANCE)
-    if reflectance is None:
-        return target
-    return Target(target.name, target.vertices, target.faces, np.full(len(target.faces), reflectance))
+    target = body() if body is not None else _from_file(name, name)
+    return target if reflectance is None else made_of(target, paint(reflectance))
+
+
+def made_of(target: Target, material: Material) -> Target:
+    """Get the same body in one material."""
+    return Target(target.name, target.vertices, target.faces, (material,), np.zeros(len(target.faces), dtype=np.int64))
 
 
 def place_target(target: Target, distance_mm: float, pose: Pose | None, rng: np.random.Generator) -> FloatArray:
@@ -82,6 +85,27 @@ def place_target(target: Target, distance_mm: float, pose: Pose | None, rng: np.
     return _rigid(turn, place) @ _facing(target)
 
 
+def build_scene(settings: SimulationSettings, noise: Noise) -> Scene:
+    """Put up what the settings say, with what chance decides taken from ``noise``.
+
+    Raises
+    ------
+    ValueError
+        When the target cannot be used, or is to be dressed for surgery and is not the hip.
+    """
+    target = load_target(settings.target, settings.reflectance)
+    if settings.surgical or settings.tissue_share > 0:
+        if settings.target != "hip":
+            raise ValueError(f"target {settings.target}: surgical and tissue_share are for the hip only")
+        centre, axis = np.array(SOCKET_CENTRE_MM), np.array(SOCKET_AXIS)
+        if settings.surgical:
+            target = dress(target, centre, axis)
+        if settings.tissue_share > 0:
+            target = clutter(target, centre, settings.tissue_share, noise.stream("scene.tissue"))
+    pose = place_target(target, settings.distance_mm, settings.target_pose, noise.stream("scene.pose"))
+    return Scene(target, pose)
+
+
 def landmarks(name: str) -> dict[str, FloatArray]:
     """Get the named points (3,) mm of a body that a person can find both on the model and in a scan.
 
@@ -105,34 +129,48 @@ _HIP_LANDMARKS = {
 
 def hip() -> Target:
     """Right human hip bone; source and licence in ``sim/data/README.md``."""
-    target = _from_file(str(HIP_FILE), HIP_REFLECTANCE)
-    return Target("hip", target.vertices, target.faces, target.reflectance)
+    return _from_file("hip", str(HIP_FILE))
 
 
 def prism() -> Target:
     """Calibration prism of section 4.1.1: base 40 x 40 mm, ridge 40 mm above it along y, gray paint."""
     vertices = [(x, y, -20.0) for x in (-20.0, 20.0) for y in (-20.0, 20.0)] + [(0.0, -20.0, 20.0), (0.0, 20.0, 20.0)]
     faces = [(0, 1, 5), (0, 5, 4), (2, 4, 5), (2, 5, 3), (0, 4, 2), (1, 3, 5), (0, 2, 3), (0, 3, 1)]
-    return _body("prism", vertices, faces, GRAY_PAINT_REFLECTANCE)
+    return _body("prism", np.array(vertices), np.array(faces, dtype=np.int64), GRAY_PAINT)
 
 
 def plate() -> Target:
     """White diffuse plate, 400 x 400 mm."""
-    return _strips("plate", np.array([-200.0, 200.0]), np.array([0.0]), np.array([WHITE_REFLECTANCE]))
+    return _strips("plate", np.array([-200.0, 200.0]), np.array([0.0]), (WHITE,))
 
 
 def step() -> Target:
     """Two white half plates, the one at positive x 10 mm nearer to the scanner."""
-    return _strips("step", np.array([-200.0, 0.0, 200.0]), np.array([0.0, 10.0]), np.full(2, WHITE_REFLECTANCE))
+    return _strips("step", np.array([-200.0, 0.0, 200.0]), np.array([0.0, 10.0]), (WHITE, WHITE))
 
 
 def gray() -> Target:
     """Plate with ten vertical strips, 4 mm each over the middle 40 mm, from nearly black to white (figure 2.14)."""
     edges = np.concatenate([[-200.0], np.arange(-16.0, 17.0, 4.0), [200.0]])
-    return _strips("gray", edges, np.zeros(10), WHITE_REFLECTANCE * np.linspace(0.08, 1.0, 10))
+    return _strips("gray", edges, np.zeros(10), tuple(paint(level) for level in np.linspace(0.07, 0.9, 10)))
 
 
-_BODIES: dict[str, Callable[[], Target]] = {"hip": hip, "prism": prism, "plate": plate, "step": step, "gray": gray}
+def sphere() -> Target:
+    """Gray sphere of 25 mm radius, 20480 faces (8 um from the ideal sphere)."""
+    import trimesh
+
+    mesh = trimesh.creation.icosphere(subdivisions=5, radius=25.0)
+    return _body("sphere", np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64), GRAY_PAINT)
+
+
+_BODIES: dict[str, Callable[[], Target]] = {
+    "hip": hip,
+    "prism": prism,
+    "plate": plate,
+    "step": step,
+    "gray": gray,
+    "sphere": sphere,
+}
 
 
 def _facing(target: Target) -> FloatArray:
@@ -165,24 +203,24 @@ def _rotation(x_rad: float, y_rad: float, z_rad: float) -> FloatArray:
     return np.asarray(Rotation.from_euler("xyz", [x_rad, y_rad, z_rad]).as_matrix())
 
 
-def _body(
-    name: str, vertices: list[tuple[float, float, float]], faces: list[tuple[int, int, int]], level: float
-) -> Target:
-    return Target(name, np.array(vertices), np.array(faces, dtype=np.int64), np.full(len(faces), level))
+def _body(name: str, vertices: FloatArray, faces: NDArray[np.int64], material: Material) -> Target:
+    return Target(name, vertices, faces, (material,), np.zeros(len(faces), dtype=np.int64))
 
 
-def _strips(name: str, edges_mm: FloatArray, heights_mm: FloatArray, levels: FloatArray) -> Target:
-    """Strips along y between ``edges_mm``, each at its height above z = 0 and with its reflectance."""
+def _strips(name: str, edges_mm: FloatArray, heights_mm: FloatArray, materials: tuple[Material, ...]) -> Target:
+    """Strips along y between ``edges_mm``, each at its height above z = 0 and of its material."""
     vertices: list[tuple[float, float, float]] = []
     faces: list[tuple[int, int, int]] = []
     for left, right, height in zip(edges_mm[:-1], edges_mm[1:], heights_mm, strict=True):
         n = len(vertices)
         vertices += [(left, -200.0, height), (right, -200.0, height), (right, 200.0, height), (left, 200.0, height)]
         faces += [(n, n + 1, n + 2), (n, n + 2, n + 3)]
-    return Target(name, np.array(vertices), np.array(faces, dtype=np.int64), np.repeat(levels, 2))
+    return Target(
+        name, np.array(vertices), np.array(faces, dtype=np.int64), materials, np.repeat(np.arange(len(materials)), 2)
+    )
 
 
-def _from_file(path: str, level: float) -> Target:
+def _from_file(name: str, path: str) -> Target:
     import trimesh
 
     if not Path(path).is_file():
@@ -200,5 +238,4 @@ def _from_file(path: str, level: float) -> Target:
     size = float(np.ptp(vertices, axis=0).max())
     if size < 1.0:
         raise ValueError(f"target {path}: only {size:.3g} mm across; is it in metres? scale it to millimetres")
-    faces: NDArray[np.int64] = np.array(mesh.faces, dtype=np.int64)
-    return Target(path, vertices, faces, np.full(len(faces), level))
+    return _body(name, vertices, np.array(mesh.faces, dtype=np.int64), BONE_MOIST)

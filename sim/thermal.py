@@ -38,6 +38,8 @@ class DiodeBlock:
             [[-between / block, between / block], [between / sink, -(between + to_air) / sink]], dtype=np.float64
         )
         self._rates, self._modes = np.linalg.eig(self._exchange)
+        self._into_modes = np.linalg.inv(self._modes)
+        self._at_rest = -np.linalg.inv(self._exchange)
         self._degc = np.full(2, settings.ambient_degc)
 
     def heated_by(self, power_w: Callable[[], float]) -> None:
@@ -69,8 +71,8 @@ class DiodeBlock:
         joule_w = self._settings.peltier_ohm * self._current_a**2
         power_w = np.array([joule_w / 2 + pumped_w + self._load(), joule_w / 2 - pumped_w])
         power_w[1] += self._settings.sink_conductance_w_per_k * self._settings.ambient_degc
-        final_degc = np.linalg.solve(-self._exchange, power_w / self._capacity)
-        amplitudes = np.linalg.solve(self._modes, self._degc - final_degc)
+        final_degc = self._at_rest @ (power_w / self._capacity)
+        amplitudes = self._into_modes @ (self._degc - final_degc)
         self._degc = final_degc + self._modes @ (amplitudes * np.exp(self._rates * elapsed_s))
 
 

@@ -15,7 +15,7 @@ from sim.optics import Optics
 from sim.scanner import MirrorPair
 from sim.scene import Scene
 from sim.settings import SimulationSettings
-from sim.targets import load_target, place_target
+from sim.targets import build_scene
 from sim.thermal import DiodeBlock
 from sim.wires import Acquisition, TriggerLine
 
@@ -80,9 +80,7 @@ def make_bench() -> Callable[..., Bench]:
         clock, noise = VirtualClock(), Noise(seed)
         trigger, supply = TriggerLine(80e3), FixedSupply()
         block, mirrors = DiodeBlock(clock, settings), MirrorPair(clock, settings, noise)
-        target = load_target(settings.target, settings.reflectance)
-        pose = place_target(target, settings.distance_mm, settings.target_pose, noise.stream("scene.pose"))
-        scene = Scene(target, pose)
+        scene = build_scene(settings, noise)
         optics = Optics(clock, settings, noise, trigger, supply, block, mirrors, scene)
         return Bench(clock, settings, trigger, supply, block, mirrors, scene, optics)
 

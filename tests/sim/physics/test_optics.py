@@ -5,6 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from sim.drift import SlowDrift
+from sim.materials import paint
+from sim.noise import Noise
+
 READINGS = 1600
 
 
@@ -93,13 +97,13 @@ def test_no_light_without_gate_or_triggers_or_supply(make_bench):
     dark.append(bench.record(3))
     for sums in dark:
         codes = sums / 8
-        assert codes.mean() == pytest.approx(32.0, abs=0.1)
+        assert codes.mean() == pytest.approx(32.0 + 0.2 + 0.13, abs=0.05)  # offset, and bow at 1/8 of the range
         assert codes.max() < 35
     assert not bench.optics.clipped
 
 
 def test_a_beam_that_misses_gives_the_reference_alone(make_bench):
-    bench = make_bench(target="prism")
+    bench = make_bench(target="prism", drift_ps=0.0)
     bench.mirrors.command(0.9, 0.9)
     bench.clock.sleep(1.0)
     trace = bench.trace_mv(1)
@@ -117,3 +121,86 @@ def test_too_strong_an_echo_clips(make_bench):
     assert sums.max() == 8 * 255
     bench.record(2, gate=False)
     assert not bench.optics.clipped
+
+
+def test_shots_below_the_spike_threshold_give_long_weak_pulses(make_bench):
+    bench = make_bench(distance_mm=1000.0)
+    bench.supply.volts = 225.0
+    trace = bench.trace_mv(1, sweeps=64)[:500]  # the reference
+    normal = make_bench(distance_mm=1000.0).trace_mv(1, sweeps=64)[:500]
+    assert 0.5 < trace.max() < 0.4 * normal.max()
+    above = np.nonzero(trace > trace.max() / 2)[0]
+    assert np.ptp(above) * 6.7 > 800.0
+
+
+def test_lost_triggers_leave_holes(make_bench):
+    whole, holed = (make_bench(lost_trigger_share=share).trace_mv(1, sweeps=64) for share in (0.0, 0.25))
+    assert holed.max() / whole.max() == pytest.approx(0.75, abs=0.12)
+
+
+def test_an_edge_under_the_spot_gives_two_echoes(make_bench):
+    bench = make_bench(target="step", target_pose=(0.0, 0.0, 900.0, 0.0, 0.0, 0.0), repeatability_deg=0.0)
+    ranges = []
+    for number, x_mm in enumerate((-3.0, 0.0, 3.0), start=1):
+        bench.mirrors.command(x_mm / 900.0 / np.radians(5.0), 0.0)
+        bench.clock.sleep(0.1)
+        ranges.append(bench.interval_mm(number, sweeps=64))
+    low, middle, high = sorted(ranges)
+    assert high - low == pytest.approx(10.0, abs=0.4)
+    assert low + 1.0 < middle < high - 1.0
+    assert ranges[1] == middle
+
+
+def test_drift_moves_both_pulses_and_cancels(make_bench):
+    bench = make_bench(drift_ps=60.0, drift_time_s=20.0, repeatability_deg=0.0)
+    references, intervals = [], []
+    for number in range(1, 801, 40):
+        trace = bench.trace_mv(number)
+        references.append(6500.0 + 6.7 * np.argmax(trace[:300] > 22.0))
+        intervals.append(bench.interval_mm(number))
+    assert np.std(references) > 20.0
+    assert np.std(intervals) < 0.4
+
+
+def test_slow_motion_of_the_target_shows_in_the_truth(make_bench):
+    bench = make_bench(motion_mm=2.0, motion_period_s=4.0, repeatability_deg=0.0)
+    ranges = []
+    for number in range(1, 9):
+        bench.record(number, sweeps=1)
+        ranges.append(bench.optics.truth[(number, 0, 0)].range_mm)
+        bench.clock.sleep(0.5)
+    assert np.ptp(ranges) == pytest.approx(4.0, abs=0.3)
+
+
+def test_noise_is_white_between_shots(make_bench):
+    """Each sample is a shot of its own: no line and no slope in the spectrum of the dark trace."""
+    bench = make_bench()
+    spectra = [np.abs(np.fft.rfft(bench.record(n, sweeps=1, gate=False) - 32.2)) ** 2 for n in range(1, 201)]
+    power = np.mean(spectra, axis=0)[1:-1]
+    assert power.std() / power.mean() == pytest.approx(1 / np.sqrt(200), rel=0.25)
+    assert power[:100].mean() == pytest.approx(power[-100:].mean(), rel=0.05)
+
+
+def test_drift_is_red(make_bench):
+    drift = SlowDrift(Noise(1), "sampler.drift", 1.0, 100.0)
+    values = np.array([drift.at(t) for t in np.arange(0.0, 20000.0, 5.0)])
+    assert values.std() == pytest.approx(1.0, abs=0.15)
+    power = np.abs(np.fft.rfft(values - values.mean())) ** 2
+    slow = np.fft.rfftfreq(len(values), 5.0) < 0.02
+    assert power[slow].sum() > 0.99 * power.sum()
+
+
+def test_light_budget_closes(make_bench):
+    """Energy on the photodiode, counted from the diode on, against the area under the echo."""
+    bench = make_bench(distance_mm=1000.0, spot_diameter_mm=0.0, reflectance=0.5, saturation_mv=1e4, drift_ps=0.0)
+    s = bench.settings
+    emitted_pj = 128.3 * 44.07 * 1.0645
+    a, b, _, _ = paint(0.5).coefficients()
+    assert b > 0
+    aperture_sr = np.pi * (s.aperture_diameter_mm / 2) ** 2 / (1000.0 + s.mirror_separation_mm) ** 2
+    on_diode_pj = emitted_pj * s.exit_transmission * s.receiver_transmission * a * aperture_sr / np.pi
+    charge_fc = on_diode_pj * s.responsivity_a_per_w * s.avalanche_gain * 1e3
+    dark = sum(bench.trace_mv(n, sweeps=64).sum() for n in range(1, 11))
+    empty = make_bench(distance_mm=1000.0, spot_diameter_mm=0.0, reflectance=1e-6, drift_ps=0.0)
+    dark -= sum(empty.trace_mv(n, sweeps=64).sum() for n in range(1, 11))
+    assert dark / 10 * 6.7 / s.load_ohm == pytest.approx(charge_fc, rel=0.02)

@@ -5,31 +5,31 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.receiver import TABLE_PS, Echo
+from sim.receiver import TABLE_PS, Pulse
 from sim.sampler import add_pulse, digitise
 from sim.settings import SimulationSettings
 
-SETTINGS = SimulationSettings()
+SETTINGS = SimulationSettings(adc_offset_codes=0.0, adc_bow_codes=0.0)
 INSTANTS = 6500.0 + 6.7 * np.arange(400)
 
 
-def ramp(peak_mv=40.0, length_ps=500.0):
+def ramp(begin_ps=6950.0, peak_mv=40.0, length_ps=500.0):
     shape = np.interp(
         np.arange(0, length_ps + TABLE_PS, TABLE_PS), [0, length_ps / 2, length_ps], [0, peak_mv, 0]
     ).astype(np.float32)
-    return Echo(shape, -50.0, peak_mv)
+    return Pulse(shape, begin_ps, peak_mv)
 
 
 def test_a_pulse_is_sampled_where_it_is():
     signal = np.zeros((3, 400), dtype=np.float32)
-    add_pulse(signal, INSTANTS, 7000.0, ramp(), np.random.default_rng(1), 0.0)
+    add_pulse(signal, INSTANTS, ramp(), np.random.default_rng(1), 0.0)
     expected = np.interp(INSTANTS, [6950.0, 7200.0, 7450.0], [0.0, 40.0, 0.0])
     np.testing.assert_allclose(signal, np.broadcast_to(expected, (3, 400)), atol=0.03)
 
 
 def test_jitter_of_each_shot_moves_the_edge():
     signal = np.zeros((4000, 400), dtype=np.float32)
-    add_pulse(signal, INSTANTS, 7000.0, ramp(), np.random.default_rng(1), 3.0)
+    add_pulse(signal, INSTANTS, ramp(), np.random.default_rng(1), 3.0)
     edge = np.searchsorted(INSTANTS, 7075.0)
     assert signal[:, edge].std() == pytest.approx(3.0 * 40.0 / 250.0, rel=0.05)
     # Neighbouring samples are different shots.
@@ -38,7 +38,7 @@ def test_jitter_of_each_shot_moves_the_edge():
 
 def test_a_pulse_outside_the_window_leaves_no_trace():
     signal = np.zeros((2, 400), dtype=np.float32)
-    add_pulse(signal, INSTANTS, 20000.0, ramp(), np.random.default_rng(1), 3.0)
+    add_pulse(signal, INSTANTS, ramp(20000.0), np.random.default_rng(1), 3.0)
     assert not signal.any()
 
 
@@ -60,3 +60,10 @@ def test_ends_of_the_range_clip(level_mv, code):
 def test_sums_of_many_sweeps_are_exact():
     sums, _ = digitise(np.full((256, 2), 105.0, dtype=np.float32), SETTINGS)
     np.testing.assert_array_equal(sums, 256 * 242)
+
+
+def test_offset_and_bow_of_the_converter():
+    bent = SimulationSettings(adc_offset_codes=2.0, adc_bow_codes=4.0)
+    ideal = np.array([[0.0, 126.0, 254.0]], dtype=np.float32)
+    sums, _ = digitise(((ideal - 32.0) * 0.5).astype(np.float32), bent)
+    np.testing.assert_array_equal(sums, [2, 132, 255])

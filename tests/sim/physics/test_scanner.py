@@ -115,3 +115,19 @@ def test_static_errors_of_scale_and_offset(clock):
 def test_a_command_outside_the_span_is_refused(clock):
     with pytest.raises(ValueError, match="outside"):
         MirrorPair(clock, QUIET, Noise(1)).command(1.01, 0.0)
+
+
+@pytest.mark.parametrize(("percent", "limit_deg"), [(0.3, 0.12), (0.005, 0.002)])
+def test_static_error_of_a_scanner_class_is_smooth_and_within_its_limit(clock, percent, limit_deg):
+    scanner = SimulationSettings(repeatability_deg=0.0, linearity_percent=percent, field_deg=40.0)
+    worst = 0.0
+    for seed in range(20):
+        mirrors = MirrorPair(clock, scanner, Noise(seed))
+        errors = []
+        for place in np.linspace(-1, 1, 41):
+            mirrors.command(place, -place)
+            clock.sleep(1.0)
+            errors.append(np.degrees(mirrors.angles_rad(clock.now(), 1)) - 20.0 * place * np.array([1.0, -1.0]))
+        assert np.abs(np.diff(errors, axis=0)).max() < 0.35 * limit_deg
+        worst = max(worst, np.abs(errors).max())
+    assert 0.3 * limit_deg < worst <= 1.001 * limit_deg

@@ -8,12 +8,15 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sim.materials import BONE_MOIST, CLOT, GRAY_PAINT, STEEL, WHITE, Material, backscatter, paint
 from sim.noise import Noise
 from sim.operator import clicks
-from sim.scene import MISS, Scene, Target, backscatter
+from sim.scene import MISS, Scene, Target
+from sim.settings import SimulationSettings
 from sim.targets import (
     SOCKET_AXIS,
     SOCKET_CENTRE_MM,
+    build_scene,
     hip,
     landmarks,
     load_target,
@@ -41,27 +44,47 @@ def test_hit_on_a_tilted_plane_is_exact(rx_deg, ry_deg, distance_mm):
 
 
 def test_a_face_reflects_from_both_sides_and_a_miss_is_told():
-    target = Target("one", np.array([[-1.0, -1, 5], [1, -1, 5], [0, 1, 5]]), np.array([[0, 1, 2]]), np.array([0.4]))
-    turned = Target("other", target.vertices, target.faces[:, ::-1].copy(), target.reflectance)
+    flat = Material(0.4, roughness_deg=0.0)
+    corners = np.array([[-1.0, -1, 5], [1, -1, 5], [0, 1, 5]])
+    target = Target("one", corners, np.array([[0, 1, 2]]), (flat,), np.array([0]))
+    turned = Target("other", corners, np.array([[2, 1, 0]]), (flat,), np.array([0]))
     for body in (target, turned):
         hits = Scene(body, np.eye(4)).cast(np.zeros((2, 3)), np.vstack([ALONG_Z, -ALONG_Z]))
         np.testing.assert_array_equal(hits.distance_mm, [5.0, np.inf])
         np.testing.assert_array_equal(hits.face, [0, MISS])
-        np.testing.assert_array_equal(hits.reflectance, [0.4, 0.0])
+        np.testing.assert_allclose(hits.brightness, [0.4, 0.0])
 
 
 def test_a_body_without_area_is_refused():
-    flat = Target("flat", np.zeros((3, 3)), np.array([[0, 1, 2]]), np.ones(1))
+    flat = Target("flat", np.zeros((3, 3)), np.array([[0, 1, 2]]), (WHITE,), np.array([0]))
     with pytest.raises(ValueError, match="triangle with an area"):
         Scene(flat, np.eye(4))
 
 
+def returned(material, angles_deg):
+    cosine = np.cos(np.radians(angles_deg))
+    return backscatter(cosine, np.tile(material.coefficients(), (len(cosine), 1)))
+
+
 def test_rough_surface_keeps_its_brightness_at_grazing_incidence():
-    cosine = np.cos(np.radians([0.0, 60.0, 80.0]))
-    np.testing.assert_allclose(backscatter(cosine, 0.0), cosine)
-    rough = backscatter(cosine, 0.52)
+    angles = np.array([0.0, 60.0, 80.0])
+    np.testing.assert_allclose(returned(Material(1.0, roughness_deg=0.0), angles), np.cos(np.radians(angles)))
+    rough = returned(paint(0.5), angles)
     assert np.all(np.diff(rough) < 0)
     assert rough[2] / rough[0] > 0.5
+
+
+def test_metal_flashes_at_normal_incidence_only():
+    at_normal, tilted = returned(STEEL, np.array([0.0, 30.0]))
+    assert at_normal > 1.0
+    assert tilted < 0.2
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.floats(0.0, 89.9), st.sampled_from([BONE_MOIST, STEEL, GRAY_PAINT, CLOT]))
+def test_nothing_returns_less_than_nothing(angle_deg, material):
+    value = returned(material, np.array([angle_deg]))[0]
+    assert 0.0 <= value <= material.diffuse + material.specular
 
 
 def test_step_is_ten_millimetres():
@@ -72,9 +95,14 @@ def test_step_is_ten_millimetres():
 def test_gray_wedge_goes_from_dark_to_bright():
     x_mm = np.arange(-18.0, 19.0, 4.0)
     origins = np.stack([x_mm, np.zeros(10), np.zeros(10)], axis=1)
-    levels = placed("gray").cast(origins, np.repeat(ALONG_Z, 10, axis=0)).reflectance
+    levels = placed("gray").cast(origins, np.repeat(ALONG_Z, 10, axis=0)).brightness
     assert levels.max() / levels.min() > 10
     assert np.all(np.diff(levels) != 0)
+
+
+def test_sphere_is_where_it_should_be():
+    hits = placed("sphere").cast(np.zeros((1, 3)), ALONG_Z)
+    assert hits.distance_mm[0] == pytest.approx(875.0, abs=0.01)
 
 
 def test_prism_shows_its_two_faces_at_63_deg_to_the_beam():
@@ -179,3 +207,34 @@ def test_a_mesh_in_metres_or_with_nan_is_refused(tmp_path):
     broken.write_text("v 0 0 0\nv 10 0 0\nv 0 nan 0\nf 1 2 3\n")
     with pytest.raises(ValueError, match="NaN"):
         load_target(str(broken))
+
+
+def look_into_the_socket(scene, step_mm=1.0):
+    x_mm, y_mm = np.mgrid[-18.0:18.01:step_mm, -18.0:18.01:step_mm].reshape(2, -1)
+    aim = np.stack([x_mm, y_mm, np.full_like(x_mm, 900.0)], axis=1)
+    return scene.cast(np.zeros_like(aim), aim / np.linalg.norm(aim, axis=1, keepdims=True))
+
+
+def test_surgery_leaves_a_clot_without_echo_and_fat_in_the_fossa():
+    dressed = build_scene(SimulationSettings(surgical=True), Noise(1))
+    bare = build_scene(SimulationSettings(), Noise(1))
+    seen = look_into_the_socket(dressed, 0.5)
+    dark = seen.brightness < 0.05
+    assert 1.0 < dark.sum() * 0.25 < 6.0  # mm^2
+    nearer = look_into_the_socket(bare, 0.5).distance_mm - seen.distance_mm
+    assert 0.5 < nearer.max() < 4.0
+    assert nearer.min() > -1e-6
+
+
+@pytest.mark.parametrize("share", [0.1, 0.4])
+def test_tissue_covers_about_its_share_of_the_socket(share):
+    scenes = [build_scene(SimulationSettings(tissue_share=s), Noise(3)) for s in (0.0, share)]
+    bare, covered = (look_into_the_socket(scene).distance_mm for scene in scenes)
+    off = np.abs(bare - covered) > 0.05
+    assert 0.5 * share < off.mean() < 1.5 * share
+    assert np.median((bare - covered)[off]) > 0.3
+
+
+def test_only_the_hip_can_be_dressed():
+    with pytest.raises(ValueError, match="hip only"):
+        build_scene(SimulationSettings(target="plate", surgical=True), Noise(1))

@@ -1,0 +1,78 @@
+"""`Material`: what a surface sends back to the laser at 904 nm."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Material:
+    """Rough diffuse surface with a specular part.
+
+    Attributes
+    ----------
+    diffuse : float
+        Diffuse reflectance (albedo).
+    specular : float
+        Brightness of the specular lobe at normal incidence, relative to a white Lambertian.
+    roughness_deg : float
+        Standard deviation of the slope of the diffuse facets; 0 is Lambert's law.
+    gloss_deg : float
+        Width (standard deviation of the facets' slope) of the specular lobe.
+    """
+
+    diffuse: float
+    specular: float = 0.0
+    roughness_deg: float = 30.0
+    gloss_deg: float = 8.0
+
+    def coefficients(self) -> tuple[float, float, float, float]:
+        """Get a, b, s, g of ``a cos + b sin^2 + s exp(-g tan^2)`` (see `backscatter`)."""
+        variance = math.radians(self.roughness_deg) ** 2
+        a = 1.0 - 0.5 * variance / (variance + 0.33)
+        b = 0.45 * variance / (variance + 0.09)
+        return self.diffuse * a, self.diffuse * b, self.specular, 0.5 / math.tan(math.radians(self.gloss_deg)) ** 2
+
+
+def backscatter(cosine: FloatArray, coefficients: FloatArray) -> FloatArray:
+    """Get what comes back to the source, relative to a white Lambertian at normal incidence.
+
+    Diffuse part after Oren and Nayar (SIGGRAPH 1994), first order model, with the eye at the lamp: facets that face
+    the source keep a tilted rough surface bright where a smooth one would go as the cosine. Specular part after
+    Beckmann: facets that look straight at the source.
+
+    Parameters
+    ----------
+    cosine : (N,) array
+        Cosine of the incidence angle; 0 or less gives nothing.
+    coefficients : (N, 4) array
+        `Material.coefficients` of each ray's surface.
+    """
+    a, b, s, g = coefficients.T
+    squared = cosine * cosine
+    tangent = (1.0 - squared) / np.maximum(squared, 1e-9)
+    return np.asarray((a * cosine + b * (1.0 - squared) + s * np.exp(-g * tangent)) * (cosine > 0))
+
+
+BONE_DRY = Material(0.66)
+BONE_MOIST = Material(0.64, specular=0.03, gloss_deg=15.0)
+BONE_WET = Material(0.64, specular=0.12, gloss_deg=12.0)
+CARTILAGE = Material(0.62, specular=0.06, roughness_deg=20.0, gloss_deg=12.0)
+SOFT_TISSUE = Material(0.48, specular=0.05, gloss_deg=15.0)
+FAT = Material(0.72, specular=0.05, roughness_deg=20.0, gloss_deg=15.0)
+BLOOD = Material(0.22, specular=0.15, roughness_deg=10.0, gloss_deg=8.0)
+CLOT = Material(0.012, roughness_deg=20.0)
+STEEL = Material(0.12, specular=1.5, roughness_deg=10.0, gloss_deg=5.0)
+WHITE = Material(0.9)
+GRAY_PAINT = Material(0.5)
+
+
+def paint(reflectance: float) -> Material:
+    """Get a diffuse paint of some gray."""
+    return Material(reflectance)
