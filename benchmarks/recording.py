@@ -28,6 +28,7 @@ from instrument.scan_line import ScanLine
 
 WRITER = Path(__file__).resolve().parents[1] / "tests" / "instrument" / "recording_writer.py"
 SAMPLES, SWEEPS = 1430, 8
+KILLS_A_FILE = 10
 
 
 def synthetic_sums(count: int, rng: np.random.Generator) -> NDArray[np.uint16]:
@@ -129,20 +130,20 @@ def killed_writer(path: Path, after_s: float) -> set[int]:
 
 
 def measure_kills(count: int, seed: int) -> bool:
-    """Kill a writing program `count` times; return whether nothing was lost."""
+    """Kill a writing program `count` times; return whether nothing was lost. Each file is gone on with nine times."""
     rng = np.random.default_rng(seed)
-    acknowledged: set[int] = set()
-    lost: set[int] = set()
-    damaged = 0
+    total = lost = damaged = 0
     with tempfile.TemporaryDirectory() as place:
-        path = Path(place) / "scan.db"
-        for _ in range(count):
-            acknowledged |= killed_writer(path, rng.uniform(0.0, 0.12))
-            with Recording.open(path) as recording:
-                lost |= acknowledged - set(recording.done)
-                damaged += sum(not check.ok for check in recording.check())
-        size = path.stat().st_size / 1e6
-    print(f"{count} kills, {len(acknowledged)} lines acknowledged, {len(lost)} lost, {damaged} damaged, {size:.1f} MB")
+        for first in range(0, count, KILLS_A_FILE):
+            path = Path(place) / f"scan{first}.db"
+            acknowledged: set[int] = set()
+            for _ in range(min(KILLS_A_FILE, count - first)):
+                acknowledged |= killed_writer(path, rng.uniform(0.0, 0.12))
+                with Recording.open(path) as recording:
+                    lost += len(acknowledged - set(recording.done))
+                    damaged += sum(not check.ok for check in recording.check())
+            total += len(acknowledged)
+    print(f"{count} kills, {total} lines acknowledged, {lost} lost, {damaged} damaged")
     return not lost and not damaged
 
 

@@ -19,7 +19,7 @@ def draw_cloud(cloud: Cloud) -> Figure:
     found = cloud.with_range()
     lost = cloud.where(~cloud.has_range)
     x, y, _ = found.points_mm.T
-    size = float(np.clip(215 / np.sqrt(len(cloud)), 1.0, 12.0)) ** 2  # points^2: about the distance of two places
+    size = float(np.clip(235 / np.sqrt(len(cloud)), 1.0, 12.0)) ** 2  # points^2: about the distance of two places
     pictures = (
         ("range along the beam", found.range_mm, "mm", "viridis_r"),
         ("response (amplitude of the echo)", found.response_mv, "mV", "cividis"),

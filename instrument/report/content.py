@@ -55,7 +55,8 @@ def figures(
     if registration is not None:
         worst = worst_target(registration)
         if worst is not None:
-            found.append((number(worst.p95_mm, "mm"), f"predicted error at {worst.name}, not exceeded in 95 %"))
+            bias = f"; a bias of all ranges may add {number(worst.bias_mm, 'mm')}"
+            found.append((number(worst.p95_mm, "mm"), f"predicted error at {worst.name}, not exceeded in 95 %{bias}"))
         found.append((number(registration.predicted_rotation_deg, "°"), "predicted rotation error, root mean square"))
     if truth_error is not None:
         found.append((number(truth_error["tre_mm"], "mm"), "true error at the target (simulated bench)"))

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
     from registration.icp import Iteration
 
+_LINEAR_SPAN = 20.0  # largest over smallest residual that a linear axis still shows well
+
 
 def draw_histogram(residuals_mm: NDArray[np.float64]) -> Figure:
     """Draw the histogram of signed residuals (N,), with the limits of 1 and 3 mm."""
@@ -22,7 +24,7 @@ def draw_histogram(residuals_mm: NDArray[np.float64]) -> Figure:
     axes = figure.subplots()
     tidy(axes, "", "signed distance to the model, mm (positive: outside bone)", "points")
     widest = float(np.clip(np.abs(residuals_mm).max(initial=0.0) * 1.05, 1.5, 6.0))
-    step = 0.1
+    step = 0.05 if widest < 2.0 else 0.1
     ends = int(np.ceil(widest / step))
     edges = step * np.arange(-ends, ends + 1)
     shown = np.clip(residuals_mm, edges[0], edges[-1])
@@ -39,7 +41,7 @@ def draw_histogram(residuals_mm: NDArray[np.float64]) -> Figure:
     beyond = int((np.abs(residuals_mm) > edges[-1]).sum())
     if beyond:
         axes.text(0.99, 0.8, f"{beyond} points lie beyond the ends", transform=axes.transAxes, ha="right", color=INK)
-    axes.legend(loc="upper left", framealpha=0.95, edgecolor="none")
+    figure.legend(loc="outside lower center", ncols=len(CLASSES), frameon=False)
     axes.set_xlim(edges[0], edges[-1])
     return figure
 
@@ -56,10 +58,13 @@ def draw_convergence(history: Sequence[Iteration]) -> Figure:
     largest = [entry.max_mm for entry in history]
     axes.plot(steps, largest, color=SECOND, marker=marker, linestyle="--", label="largest")
     axes.plot(steps, [entry.rms_mm for entry in history], color=ACCENT, marker=marker, label="root mean square")
-    axes.set_yscale("log")
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    if max(largest) > _LINEAR_SPAN * min(entry.rms_mm for entry in history) > 0:
+        axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+    else:
+        axes.set_ylim(0.0, 1.1 * max(largest))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     names = [entry.stage for entry in history]
     begins = [k for k in range(len(names)) if k == 0 or names[k] != names[k - 1]]
