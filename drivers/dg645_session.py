@@ -6,11 +6,14 @@ Set commands give no reply, so every block of them ends with ``LERR?`` (protocol
 from __future__ import annotations
 
 from drivers.dg645_wire import ERRORS, QUEUE_LENGTH, REPLY_END, decode, encode, format_number
-from drivers.errors import DeviceFault, ProtocolError, Timeout
+from drivers.errors import DeviceFault, ProtocolError
 from drivers.numerals import read_number
+from drivers.retry import retry
 from drivers.serial_link import SerialLink
 
 LONGEST_REPLY = 256
+TRIES = 3
+CLEARED_BY_READING = ("LERR?", "INSR?", "*ESR?")
 LATE_S = 0.1  # a reply that comes later than this after a failure is not waited for
 
 
@@ -33,16 +36,15 @@ class Dg645Session:
         return self.link.device
 
     def query(self, text: str) -> str:
-        """Ask one question and get the text of the reply.
+        """Ask one question and get the text of the reply; two retries, unless asking changes what is asked for.
 
         Raises
         ------
         Timeout, ProtocolError, LinkLost
             When no reply, or none in its form, came.
         """
-        self._synchronise()
-        self.link.write(encode(text))
-        return self._reply()
+        tries = 1 if text.startswith(CLEARED_BY_READING) else TRIES
+        return retry(tries, lambda: self._exchange(text))
 
     def configure(self, *commands: str) -> None:
         """Send a block of set commands and make sure that every one was taken.
@@ -112,18 +114,24 @@ class Dg645Session:
             raise ProtocolError(self.device, what)
         return int(number)
 
-    def _reply(self) -> str:
+    def _exchange(self, text: str) -> str:
+        self._synchronise()
+        self.link.take_leftover()  # the instrument says nothing unasked: a rest of a spoilt reply
+        self._in_step = False
+        self.link.write(encode(text))
+        line = self.link.read_until(REPLY_END, limit=LONGEST_REPLY)
         try:
-            return decode(self.link.read_until(REPLY_END, limit=LONGEST_REPLY))
+            reply = decode(line)
         except ValueError as error:
-            self._in_step = False
             raise ProtocolError(self.device, f"unreadable reply: {error}", "check the baud rate") from error
-        except (Timeout, ProtocolError):
-            self._in_step = False
-            raise
+        self._in_step = True
+        return reply
 
     def _synchronise(self) -> None:
-        """After a failure, drop what comes late: nothing before the answer to ``*IDN?`` counts."""
+        """After a failure, drop what comes late: nothing before the answer to ``*IDN?`` counts.
+
+        Errors that the failure left in the queue are dropped too: they are not the next command's.
+        """
         if self._in_step:
             return
         self.link.drain(quiet_s=LATE_S)
@@ -131,3 +139,4 @@ class Dg645Session:
         self.link.read_match(REPLY_END, lambda line: (b",DG645," in line) or None, limit=LONGEST_REPLY)
         self.link.drain(quiet_s=LATE_S)
         self._in_step = True
+        self.errors()

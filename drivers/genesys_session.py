@@ -6,15 +6,17 @@ are sorted out and counted (protocol sheet ``tdk_genesys``).
 
 from __future__ import annotations
 
-from drivers.errors import DeviceFault, ProtocolError, Timeout, check_range
+from drivers.errors import DeviceFault, ProtocolError, check_range
 from drivers.genesys_wire import END, ERRORS, decode, encode, format_number, unsolicited_from
 from drivers.numerals import read_number
+from drivers.retry import retry
 from drivers.serial_link import SerialLink
 
 ANSWER_S = 0.5
 TRIES = 3
 LATE_S = 0.1  # a reply that comes later than this after a failure is not waited for
 LONGEST_REPLY = 256
+SPOILT = ("C01", "C04")  # to what the driver sends, the answers to a message damaged on the line
 SWITCHES = ("OUT", "AST", "FLD")
 SWITCH = {"ON": 1, "OFF": 0}
 
@@ -60,15 +62,7 @@ class GenesysSession:
         Timeout, ProtocolError, LinkLost
             When no reply, or none in its form, came.
         """
-        for left in reversed(range(TRIES)):
-            try:
-                self._synchronise()
-                reply = self._exchange(text)
-                break
-            except (Timeout, ProtocolError):
-                self._in_step = False
-                if not left:
-                    raise
+        reply = retry(TRIES, lambda: self._understood(text))
         if reply in ERRORS:
             raise DeviceFault(self.device, f"refused {text}: {reply}, {ERRORS[reply]}", code=reply)
         return reply
@@ -102,7 +96,20 @@ class GenesysSession:
             raise ProtocolError(self.device, f"answered {text!r} to {key}?, not two hex digits")
         return int(text, 16)
 
+    def _understood(self, text: str) -> str:
+        """Exchange one message in step; a message that was spoilt on its way counts as a spoilt reply."""
+        self._synchronise()
+        self._in_step = False
+        reply = self._exchange(text)
+        if reply in SPOILT:
+            raise ProtocolError(self.device, f"did not understand {text}: {reply}, {ERRORS[reply]}")
+        self._in_step = True
+        return reply
+
     def _exchange(self, text: str) -> str:
+        for line in self.link.take_leftover().split(END):
+            if line.startswith(b"!"):
+                self.unsolicited += 1
         self.link.write(encode(text, with_checksum=self.checksum))
         return self.link.read_match(END, self._solicited, timeout_s=ANSWER_S, limit=LONGEST_REPLY)
 

@@ -24,6 +24,7 @@ from drivers.mecom_wire import (
     encode_float,
     encode_int,
 )
+from drivers.retry import retry
 from drivers.serial_link import SerialLink
 
 TRIES = 3
@@ -78,14 +79,7 @@ class MeCom:
             When the port has vanished.
         """
         sequence, telegram = self._next(self.address, payload)
-        for left in reversed(range(TRIES)):
-            self.link.write(telegram)
-            try:
-                answer = self._answer_to(payload, sequence, crc16(telegram[:-5]))
-                break
-            except (Timeout, ProtocolError):
-                if not left:
-                    raise
+        answer = retry(TRIES, lambda: self._exchange(telegram, payload, sequence))
         if (code := answer.refusal) is not None:
             meaning = REFUSALS.get(code, "device specific refusal")
             raise DeviceFault(self.link.device, f"refused {payload}: {code:02X}, {meaning}", code=code)
@@ -142,8 +136,9 @@ class MeCom:
         self._sequence = (sequence + 1) & 0xFFFF
         return sequence, encode("#", address, sequence, payload)
 
-    def _answer_to(self, payload: str, sequence: int, command_crc: int) -> Frame:
-        """Read until the answer with this number comes; a spoilt one is remembered for the message."""
+    def _exchange(self, telegram: bytes, payload: str, sequence: int) -> Frame:
+        """Send, and read until the answer with this number comes; a spoilt one is remembered for the message."""
+        command_crc = crc16(telegram[:-5])
         wanted = ("!", self.address, sequence)
         is_query = payload.startswith("?")
         spoilt: bytes | None = None
@@ -164,6 +159,7 @@ class MeCom:
             spoilt = line
             return None
 
+        self.link.write(telegram)
         try:
             return self.link.read_match(END, match, limit=LONGEST_ANSWER)
         except Timeout as error:

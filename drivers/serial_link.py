@@ -191,6 +191,20 @@ class SerialLink:
         self._received.clear()
         return got
 
+    def take_leftover(self) -> bytes:
+        """Take what has been received and not read, without waiting: late answers, unsolicited messages."""
+        port = self._opened()
+        try:
+            if waiting := port.in_waiting:
+                chunk = port.read(waiting)
+                self._received += chunk
+                self._note("read", chunk)
+        except _PORT_ERRORS as error:
+            self._lost(error)
+        got = bytes(self._received)
+        self._received.clear()
+        return got
+
     def discard_input(self) -> None:
         """Throw away what has been received and not read (late answers of earlier queries)."""
         self._received.clear()

@@ -12,6 +12,7 @@ from typing import TypeVar
 from drivers.errors import DeviceFault, ProtocolError, check_range
 from drivers.interfaces import Identity, TemperatureStatus
 from drivers.numerals import read_number
+from drivers.retry import retry
 from drivers.serial_link import SerialLink
 from drivers.tc200_wire import (
     PROMPT,
@@ -29,6 +30,7 @@ BAUD = 115200
 LEAST_DEGC, MOST_DEGC = 20.0, 205.0
 LONGEST_ANSWER = 512
 LATE_S = 0.1
+TRIES = 3
 
 T = TypeVar("T")
 
@@ -205,15 +207,16 @@ class TC200:
         self._refuse(text, self.query(text))
 
     def query(self, text: str) -> str:
-        """Send one command and get its answer, matched by the echo; answers to earlier commands are dropped.
-
-        There is no retry: ``ens`` sent twice would undo itself.
+        """Send one command and get its answer, matched by the echo; two retries of what ends with ``?``.
 
         Raises
         ------
         Timeout, ProtocolError, LinkLost
             When no answer, or none in its form, came.
         """
+        return retry(TRIES if text.endswith("?") else 1, lambda: self._exchange(text))
+
+    def _exchange(self, text: str) -> str:
         if not self._in_step:
             self.link.drain(quiet_s=LATE_S)
         self._in_step = False
@@ -232,7 +235,7 @@ class TC200:
 
     def _switch(self, *, on: bool) -> None:
         if (Status.ENABLED in self.status_bits) is not on:
-            self.command("ens")  # toggles
+            self.command("ens")  # toggles, so it is never sent again without a look at the status
         if (Status.ENABLED in self.status_bits) is not on:
             what = f"heater is {'off' if on else 'on'} after it was switched {'on' if on else 'off'}"
             raise DeviceFault(self.device, what, "check the sensor, or switch the heater off by hand")

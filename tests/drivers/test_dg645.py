@@ -277,14 +277,21 @@ def test_late_reply_does_not_answer_the_next_question(scripted):
     link = scripted(
         [
             (b"TRAT?\n", b""),
-            (b"\n*IDN?\n", b"+80000.000000\r\n" + IDN),
+            (b"\n*IDN?\n", b"+1000.000000\r\n" + IDN),
+            CHECK,
+            (b"TRAT?\n", b"+80000.000000\r\n"),
             (b"TSRC?\n", b"5\r\n"),
         ]
     )
     generator = DG645(link)
-    with pytest.raises(Timeout):
-        _ = generator.trigger_rate_hz
+    assert generator.trigger_rate_hz == 80e3
     assert generator.trigger_source is TriggerSource.SINGLE_SHOT
+
+
+def test_error_queue_is_asked_once(scripted):
+    link = scripted([(b"TSRC 5\nLERR?\n", b"")])
+    with pytest.raises(Timeout):
+        DG645(link).stop_triggers()
 
 
 def test_status_bits_and_masks(generator):

@@ -145,10 +145,10 @@ def test_refusal_is_a_fault(heater):
 
 
 def test_late_answer_is_dropped_by_its_echo(scripted):
-    link = scripted([(b"tset?\r", b""), (b"tact?\r", b"tset?\r25.0 C\r> tact?\r30 C\r> ")])
+    link = scripted([(b"tset=40.0\r", b""), (b"tact?\r", b"tset=40.0\r> tact?\r30 C\r> ")])
     heater = TC200(link)
     with pytest.raises(Timeout):
-        _ = heater.target_degc
+        heater.command("tset=40.0")
     assert heater.temperature_degc == 30.0
 
 
