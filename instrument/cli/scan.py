@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from instrument.cli import options, output
+from instrument.cli import options, output, transcripts
 from instrument.errors import BadInput
 
 DEFAULT_NAME = "scan.db"
@@ -36,6 +36,7 @@ def scan(
     speed: options.Speed = "max",
     out: Annotated[Path | None, typer.Option("-o", help="Recording to make (a file that does not exist).")] = None,
     folder: Annotated[Path | None, typer.Option("--out", help="Folder for the recording, made if need be.")] = None,
+    transcript: transcripts.TranscriptFile = None,
     json: options.Json = False,
 ) -> None:
     """Warm up, take one scan into a recording, and leave the laser verified off."""
@@ -55,7 +56,10 @@ def scan(
         estimator=estimator,
     )
     path = recording_path(out, folder)
-    with session.session(wanted, options.parse_speed(speed)) as run:
+    with (
+        transcripts.transcript_to(transcript) as written,
+        session.session(wanted, options.parse_speed(speed), written) as run,
+    ):
         session.warm_up(run)
         result, outcome = session.record_scan(run, path)
     if json:

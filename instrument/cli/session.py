@@ -14,6 +14,7 @@ from typing import Any
 
 from drivers.clock import ScaledClock
 from drivers.interfaces import Identity, TemperatureStatus
+from drivers.transcript import Transcript
 from instrument.calibration import Calibration
 from instrument.cli import output
 from instrument.cli.simulated import Simulated
@@ -51,7 +52,7 @@ class Session:
 
 
 @contextmanager
-def session(settings: Settings, speed: float | None) -> Iterator[Session]:
+def session(settings: Settings, speed: float | None, transcript: Transcript | None = None) -> Iterator[Session]:
     """Open the bench of the settings; leave it safe and closed on every way out.
 
     While the session is open, Ctrl-C and SIGTERM ask the controller to end safely; a second one is an emergency off.
@@ -61,9 +62,9 @@ def session(settings: Settings, speed: float | None) -> Iterator[Session]:
     simulated = Simulated(settings, speed) if settings.bench == "simulated" else None
     try:
         if simulated is None:
-            bench = make_bench(settings.links, ScaledClock(settings.links.speed))
+            bench = make_bench(settings.links, ScaledClock(settings.links.speed), transcript=transcript)
         else:
-            bench = make_bench(simulated.links, simulated.clock, simulated.usb_backend)
+            bench = make_bench(simulated.links, simulated.clock, simulated.usb_backend, transcript)
         controller = Controller(bench, settings)
         with _signals_to(controller):
             try:
