@@ -96,7 +96,7 @@ def measure_compression(recording: Path | None) -> None:
     ways: dict[str, Callable[[NDArray[np.unsignedinteger]], bytes]] = {
         "words as they are": lambda a: a.tobytes(),
         "low bytes, then high bytes": _planes,
-        "differences, low then high": lambda a: _planes(_zigzag(a)),
+        "folded steps, low then high": lambda a: _planes(_zigzag(a)),
     }
     for name, arrange in ways.items():
         for level in (1, 3, 9):

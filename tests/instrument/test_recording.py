@@ -11,8 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from instrument.recording import Recording, RecordingError
+from instrument.recording.layout import decode_wave, encode_wave
 from instrument.scan_line import Flag, ScanLine
 
 HEADER = {
@@ -92,6 +96,18 @@ def test_32_bit_sums_and_short_lines_come_back(path: Path) -> None:
         assert same(recording.line(2), line)
         assert recording.line(2, traces=False).sums is None
         assert recording.missing == [1, 3]
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    sums=st.sampled_from([np.uint8, np.uint16, np.uint32]).flatmap(
+        lambda kind: arrays(kind, st.tuples(st.integers(0, 5), st.integers(0, 40)))
+    )
+)
+def test_any_sums_come_back(sums: np.ndarray) -> None:
+    found = decode_wave(3, encode_wave(3, sums))
+    assert found.dtype == sums.dtype
+    assert np.array_equal(found, sums)
 
 
 def test_traces_in_millivolts_and_their_times(path: Path) -> None:
