@@ -12,6 +12,7 @@ from drivers.errors import DeviceFault, LimitError, LinkLost, Timeout
 from drivers.helios import Helios, helios_link
 from drivers.helios_wire import FrameFlag, GalvoFrame
 from sim.firmware.helios import FirmwareErased
+from sim.usb.bus import InTransfer
 
 
 def _frame(xy: list[tuple[int, int]], flags: int, rate_hz: int = 1000, blue: tuple[int, ...] = ()) -> bytes:
@@ -237,8 +238,6 @@ def test_late_answer_is_not_taken_for_the_next(bench_1_0: Any) -> None:
     held: list[bytes] = []
 
     def hold_first(endpoint: int, data: bytes) -> list[Any]:
-        from sim.usb.bus import InTransfer
-
         if not held:
             held.append(data)
             return []
