@@ -45,6 +45,7 @@ class Solution:
     rivals: list[Rival]
     noise: NoiseModel
     noise_limit_mm: float
+    cost: float
     method: str
 
 
@@ -106,7 +107,7 @@ def assess(scan: Scan, solution: Solution, asked: Asked, findings: list[str]) ->
         weak_directions=weak_directions(found, covariance, centre),
         rivals=solution.rivals,
         history=solution.history,
-        cost=measures.nlse,
+        cost=solution.cost,
         method=solution.method,
         noise_mm=solution.noise.range_mm,
         findings=findings,

@@ -8,18 +8,19 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from registration._types import BoolArray, FloatArray
+from registration._types import FloatArray
 from registration.assess import Asked, Solution, assess
 from registration.dissertation import DissertationSettings, register_dissertation
 from registration.errors import RegistrationError, StartError
-from registration.local import refine
+from registration.exclusion import excluded_regions
 from registration.model import Model
-from registration.noise import TYPICAL_RANGE_MM, NoiseModel
+from registration.noise import TYPICAL_RANGE_MM
 from registration.result import Registration
-from registration.rigid import pose, rotation_from_vector, transform
+from registration.rigid import transform
+from registration.robust import NOISE_LIMIT, estimated_noise, register_robust
 from registration.scan import Scan, checked_scan
 from registration.start import Start, start_pose
-from registration.surface import Closest, Surface
+from registration.surface import Surface
 from registration.verdict import Tolerance
 from registration.visibility import visible_shell
 
@@ -92,39 +93,11 @@ def register(
     if method == "dissertation":
         solution = _dissertation(scan, model, from_start, settings)
     elif method == "robust":
-        solution = _robust(scan, model, from_start, noise_mm, regions)
+        solution = register_robust(scan, model, from_start, noise_mm, regions)
     else:
         raise RegistrationError(f"method is {method!r}: give 'robust' or 'dissertation'")
     asked = Asked(targets=targets, tolerance=tolerance or Tolerance(), range_bias_mm=range_bias_mm)
     return assess(scan, solution, asked, list(model.report.findings))
-
-
-def excluded_regions(exclude: Sequence[Mapping[str, Any]] | None) -> FloatArray:
-    """Spheres (K, 4) of centre and radius.
-
-    Raises
-    ------
-    RegistrationError
-        If an entry lacks "center" or "radius_mm".
-    """
-    rows = []
-    for index, region in enumerate(exclude or ()):
-        try:
-            row = [*np.asarray(region["center"], dtype=np.float64).reshape(3), float(region["radius_mm"])]
-        except (KeyError, TypeError, ValueError) as error:
-            raise RegistrationError(
-                f'excluded region {index} is no {{"center": [x, y, z], "radius_mm": r}} ({error})'
-            ) from error
-        rows.append(row)
-    return np.array(rows, dtype=np.float64).reshape(-1, 4)
-
-
-def outside_regions(points: FloatArray, regions: FloatArray) -> BoolArray:
-    """Points (N,) that lie in none of the spheres `regions` (K, 4)."""
-    outside = np.ones(len(points), dtype=np.bool_)
-    for region in regions:
-        outside &= ((points - region[:3]) ** 2).sum(axis=1) > region[3] ** 2
-    return outside
 
 
 def _shell(scan: Scan, model: Model, start: FloatArray) -> Surface:
@@ -148,59 +121,7 @@ def _dissertation(
         history=result.history,
         rivals=[],
         noise=noise,
-        noise_limit_mm=3.0 * TYPICAL_RANGE_MM,
+        noise_limit_mm=NOISE_LIMIT * TYPICAL_RANGE_MM,
+        cost=float(np.mean(closest.signed_mm**2)),
         method="dissertation",
     )
-
-
-def _robust(
-    scan: Scan, model: Model, start: FloatArray | None, noise_mm: float | None, regions: FloatArray
-) -> Solution:
-    if start is None:
-        raise StartError("give a start: landmarks or a 4x4 pose")
-    shell = _shell(scan, model, start)
-    rng_free = _best_of_fan(scan, shell, start)
-    noise = NoiseModel(range_mm=noise_mm or TYPICAL_RANGE_MM)
-    refined = refine(scan, shell, rng_free, noise)
-    if noise_mm is None and scan.covariance is None:
-        noise = estimated_noise(scan, refined.model_from_scanner, refined.closest, refined.inliers)
-        refined = refine(scan, shell, refined.model_from_scanner, noise, schedule_mm=())
-    inliers = refined.inliers & outside_regions(refined.closest.points, regions)
-    return Solution(
-        model_from_scanner=refined.model_from_scanner,
-        closest=refined.closest,
-        inliers=inliers,
-        history=refined.history,
-        rivals=[],
-        noise=noise,
-        noise_limit_mm=3.0 * (noise_mm or TYPICAL_RANGE_MM),
-        method="robust",
-    )
-
-
-def estimated_noise(scan: Scan, solution: FloatArray, closest: Closest, used: BoolArray) -> NoiseModel:
-    """Range noise from the residuals of the points in use, projected back onto their beams (MAD scale)."""
-    beams = scan.beams[used] @ solution[:3, :3].T
-    cosine = np.abs(np.einsum("ij,ij->i", beams, closest.normals[used]))
-    steep = cosine > 0.5
-    if steep.sum() < 6:
-        return NoiseModel()
-    along = closest.signed_mm[used][steep] / cosine[steep]
-    return NoiseModel(range_mm=float(np.clip(1.4826 * np.median(np.abs(along)), 0.02, 5.0)))
-
-
-def _best_of_fan(scan: Scan, shell: Surface, start: FloatArray) -> FloatArray:
-    """Refine a thinned cloud from a fan of rotations about the start, and return the best: clicks are a few mm off."""
-    step = max(1, len(scan) // 250)
-    thin = Scan(scan.points[::step], scan.beams[::step], scan.origin)
-    centre = transform(start, thin.points).mean(axis=0)
-    best, best_cost = start, np.inf
-    noise = NoiseModel()
-    turns = [np.zeros(3)] + [np.radians(12.0) * axis for axis in np.concatenate([np.eye(3), -np.eye(3)])]
-    for turn in turns:
-        rotation = rotation_from_vector(turn)
-        trial = refine(thin, shell, pose(rotation, centre - rotation @ centre) @ start, noise, iterations=6)
-        cost = float(np.minimum(np.abs(trial.closest.signed_mm / trial.sigma_mm), 4.0).mean())
-        if cost < best_cost:
-            best, best_cost = trial.model_from_scanner, cost
-    return best

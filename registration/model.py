@@ -10,6 +10,7 @@ import numpy.typing as npt
 from registration._types import FloatArray, IntArray
 from registration.mesh import MeshReport, validated
 from registration.surface import Closest, Surface
+from registration.views import View, make_views
 
 
 @dataclass(frozen=True)
@@ -22,12 +23,15 @@ class Model:
         Validated triangles with exact closest points.
     report : MeshReport
         What validation found and mended.
+    views : tuple of View
+        Hollow regions that a scan can come from, ready to be searched.
     name : str
         Where it came from, for messages.
     """
 
     surface: Surface
     report: MeshReport
+    views: tuple[View, ...] = ()
     name: str = "model"
 
     @property
@@ -83,4 +87,5 @@ def prepare_model(vertices: npt.ArrayLike, faces: npt.ArrayLike, *, name: str = 
         See :func:`registration.mesh.validated`.
     """
     v, f, report = validated(vertices, faces)
-    return Model(surface=Surface(v, f), report=report, name=name)
+    surface = Surface(v, f)
+    return Model(surface=surface, report=report, views=make_views(surface), name=name)

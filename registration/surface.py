@@ -83,12 +83,12 @@ class Surface:
         normals[off] = offset[off] / signed[off, None]
         return Closest(points=foot, normals=normals, signed_mm=signed, faces=faces)
 
-    def hit(self, origins: FloatArray, directions: FloatArray) -> BoolArray:
-        """Whether rays from `origins` along `directions` (N, 3) meet the surface."""
-        face, _, _ = self.tree.intersect_ray_first(
+    def first_hit(self, origins: FloatArray, directions: FloatArray) -> FloatArray:
+        """Distances (N,) mm along unit `directions` from `origins`, both (N, 3); infinite where nothing is met."""
+        face, distance, _ = self.tree.intersect_ray_first(
             self.vertices, self.faces, np.ascontiguousarray(origins), np.ascontiguousarray(directions)
         )
-        return np.asarray(face >= 0)
+        return np.where(face >= 0, distance, np.inf)
 
     @cached_property
     def corner_angles(self) -> FloatArray:

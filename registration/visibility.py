@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from registration._types import BoolArray, FloatArray
+from registration.errors import MeshError
 from registration.surface import Surface, part
 
 GRAZING_COSINE = 0.02
 """Faces seen flatter than this return no echo."""
 
 
-def directions_in_cone(axis: FloatArray, half_angle_deg: float, rings: int = 2, spokes: int = 8) -> FloatArray:
+def directions_in_cone(axis: FloatArray, half_angle_deg: float, rings: int = 2, spokes: int = 6) -> FloatArray:
     """Unit vectors (K, 3) that fill a cone about the unit vector `axis`: its axis, then `rings` rings of `spokes`."""
     helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
     u = np.cross(axis, helper)
@@ -26,10 +27,10 @@ def directions_in_cone(axis: FloatArray, half_angle_deg: float, rings: int = 2, 
     return np.array(out)
 
 
-def visible_faces(surface: Surface, to_scanner: FloatArray) -> BoolArray:
+def visible_faces(surface: Surface, to_scanner: FloatArray, whole: Surface) -> BoolArray:
     """Faces (F,) that can be seen from at least one of the directions `to_scanner` (K, 3), scanner far away.
 
-    A face is seen when it faces the direction and the ray from its centre that way meets nothing.
+    A face is seen when it faces the direction and the ray from its centre that way meets nothing of `whole`.
     """
     centres = surface.vertices[surface.faces].mean(axis=1) + 1e-3 * surface.face_normals
     seen = np.zeros(len(surface.faces), dtype=np.bool_)
@@ -37,25 +38,36 @@ def visible_faces(surface: Surface, to_scanner: FloatArray) -> BoolArray:
         ask = np.flatnonzero(~seen & (surface.face_normals @ direction > GRAZING_COSINE))
         if len(ask) == 0:
             continue
-        blocked = surface.hit(centres[ask], np.broadcast_to(direction, (len(ask), 3)))
-        seen[ask[~blocked]] = True
+        distance = whole.first_hit(centres[ask], np.broadcast_to(direction, (len(ask), 3)))
+        seen[ask[np.isinf(distance)]] = True
     return seen
 
 
-def visible_shell(surface: Surface, to_scanner: FloatArray, half_angle_deg: float = 25.0) -> Surface:
+def visible_shell(
+    surface: Surface, to_scanner: FloatArray, half_angle_deg: float = 25.0, only: Surface | None = None
+) -> Surface:
     """Return the part of a surface that a scanner within `half_angle_deg` of `to_scanner` (3,) can see.
+
+    Parameters
+    ----------
+    surface : Surface
+        All that can stand in the way.
+    to_scanner : (3,) array
+        Direction from the surface to the scanner.
+    half_angle_deg : float
+    only : Surface, optional
+        Part of `surface` that is asked for.
 
     Raises
     ------
-    registration.errors.MeshError
+    MeshError
         If nothing can be seen from there.
     """
-    from registration.errors import MeshError
-
     axis = to_scanner / np.linalg.norm(to_scanner)
-    seen = visible_faces(surface, directions_in_cone(axis, half_angle_deg))
+    asked = only or surface
+    seen = visible_faces(asked, directions_in_cone(axis, half_angle_deg), surface)
     if not seen.any():
         raise MeshError(
             "no face of the model faces the scanner: check the scanner's origin and whether the model is inside out"
         )
-    return part(surface, seen)
+    return part(asked, seen)

@@ -1,0 +1,148 @@
+"""Many poses at once: residuals along the beams on a distance field, and damped Gauss-Newton steps for all of them.
+
+Arrays are float32 and laid out coordinate by coordinate, (3, K, M) for K poses and M points, in a frame about the
+view's centre, so that one pass over memory serves all poses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from registration._types import FloatArray, IntArray
+from registration.field import DistanceField, Float32Array
+from registration.rigid import rotation_from_vector
+
+GRAZING = np.float32(0.25)
+"""Smallest cosine between beam and normal that a residual along the beam is stretched by."""
+
+MAX_TURN_RAD = 0.2
+"""Largest rotation of one step."""
+
+
+@dataclass(frozen=True)
+class Poses:
+    """K poses from a scanner frame about the cloud's centre to the model frame about the view's centre.
+
+    Attributes
+    ----------
+    rotations : (K, 3, 3) array of float32
+    shifts : (K, 3) array of float32
+        mm.
+    """
+
+    rotations: Float32Array
+    shifts: Float32Array
+
+    def __len__(self) -> int:
+        return len(self.rotations)
+
+    def at(self, index: IntArray) -> Poses:
+        """Pick some of the poses."""
+        return Poses(self.rotations[index], self.shifts[index])
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Field values of M points under K poses.
+
+    Attributes
+    ----------
+    moved : (3, K, M) array
+        Points in the view's frame, mm.
+    distance : (K, M) array
+        Signed, mm.
+    gradient : (K, M, 3) array
+    cosine : (K, M) array
+        Between the beam, reversed, and the surface normal; negative where the surface faces away.
+    """
+
+    moved: Float32Array
+    distance: Float32Array
+    gradient: Float32Array
+    cosine: Float32Array
+
+    def along_beam(self) -> Float32Array:
+        """Residuals along the beams (K, M) mm: how far in front of bone (+) or inside it (-) each beam ended."""
+        return np.asarray(self.distance / np.maximum(self.cosine, GRAZING), dtype=np.float32)
+
+
+def sample(field: DistanceField, poses: Poses, points: Float32Array, beams: Float32Array) -> Sampled:
+    """Evaluate a field at `points` (3, M) with `beams` (3, M) under all poses."""
+    count = len(poses)
+    stacked = poses.rotations.transpose(1, 0, 2).reshape(3 * count, 3)
+    moved = (stacked @ points).reshape(3, count, -1)
+    moved += poses.shifts.T[:, :, None]
+    turned = (stacked @ beams).reshape(3, count, -1)
+    distance, gradient = field.sample(moved)
+    cosine = turned[0] * gradient[..., 0]
+    cosine += turned[1] * gradient[..., 1]
+    cosine += turned[2] * gradient[..., 2]
+    np.negative(cosine, out=cosine)
+    return Sampled(moved, distance, gradient, cosine)
+
+
+def one_sided(residuals: Float32Array, scale_mm: float, inside: float) -> tuple[Float32Array, Float32Array]:
+    """One-sided Welsch loss: a point in front of bone may be tissue, a point inside bone may not be anything.
+
+    ``rho(r) = c (1 - exp(-(r/s)^2 / c))`` with c = 1 in front of bone and c = `inside` within it.
+
+    Returns
+    -------
+    loss, weight : (K, M) arrays
+        ``weight = rho'(r) s^2 / (2 r)``.
+    """
+    z = residuals * np.float32(1.0 / scale_mm)
+    cap = np.where(z > 0, np.float32(1.0), np.float32(inside))
+    z *= z
+    z /= cap
+    np.negative(z, out=z)
+    weight = np.exp(z)
+    loss = (np.float32(1.0) - weight) * cap
+    return loss, weight
+
+
+def scores(found: Sampled, scale_mm: float, inside: float) -> Float32Array:
+    """Mean one-sided loss (K,) a point; a point on a surface that faces away counts as inside."""
+    loss, _ = one_sided(found.along_beam(), scale_mm, inside)
+    loss[found.cosine <= 0] = inside
+    return np.asarray(loss.mean(axis=1), dtype=np.float32)
+
+
+def step(poses: Poses, found: Sampled, weights: Float32Array, damping: float = 1e-3) -> Poses:
+    """One damped Gauss-Newton step of every pose on the plane residuals ``n . (p - c)``.
+
+    Parameters
+    ----------
+    poses : Poses
+    found : Sampled
+        At these poses.
+    weights : (K, M) array
+        Of the squared plane residuals.
+    damping : float
+        Levenberg-Marquardt's, relative to the diagonal of the normal matrix.
+    """
+    x, y, z = found.moved
+    n0, n1, n2 = (found.gradient[..., k] for k in range(3))
+    count, size = found.distance.shape
+    rows = np.empty((count, 7, size), dtype=np.float32)
+    rows[:, 0] = y * n2 - z * n1
+    rows[:, 1] = z * n0 - x * n2
+    rows[:, 2] = x * n1 - y * n0
+    rows[:, 3], rows[:, 4], rows[:, 5], rows[:, 6] = n0, n1, n2, found.distance
+    rows *= np.sqrt(weights)[:, None, :]
+    normal = np.matmul(rows, rows.transpose(0, 2, 1)).astype(np.float64)
+    matrix, right = normal[:, :6, :6].copy(), normal[:, :6, 6]
+    diagonal = np.einsum("kii->ki", matrix)
+    diagonal += damping * diagonal + 1e-6 * size
+    motion = -np.linalg.solve(matrix, right[..., None])[..., 0]
+    turn = np.linalg.norm(motion[:, :3], axis=1)
+    motion *= np.minimum(1.0, MAX_TURN_RAD / np.maximum(turn, 1e-12))[:, None]
+    return _moved(poses, motion)
+
+
+def _moved(poses: Poses, motion: FloatArray) -> Poses:
+    rotation = rotation_from_vector(motion[:, :3]).astype(np.float32)
+    shifts = (rotation @ poses.shifts[..., None])[..., 0] + motion[:, 3:].astype(np.float32)
+    return Poses(rotation @ poses.rotations, shifts)

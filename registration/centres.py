@@ -1,0 +1,90 @@
+"""Where a socket's centre lies in a measured cloud: consensus over spheres of the model's radius."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from registration._types import FloatArray
+
+HYPOTHESES = 800
+"""Triples of points tried."""
+
+WIDTH_MM = 0.8
+"""Scale of the consensus."""
+
+APART_MM = 1.5
+"""Centres nearer than this count as one."""
+
+
+def sphere_centres(points: FloatArray, towards: FloatArray, radius_mm: float, count: int = 3) -> list[FloatArray]:
+    """Centres of spheres of a given radius that many points lie on, best first.
+
+    Tissue, rim and fossa do not lie on the sphere, so centres come from triples of points and are judged by a bounded
+    consensus (Fischler and Bolles 1981, with the soft count of MSAC), then settled by reweighted least squares.
+
+    Parameters
+    ----------
+    points : (N, 3) array
+        mm.
+    towards : (3,) array
+        Unit vector to the scanner: the centre lies on that side of the hollow.
+    radius_mm : float
+    count : int
+        At most so many centres, apart from each other.
+
+    Returns
+    -------
+    list of (3,) arrays
+        Empty when no triple fits.
+    """
+    mean = points.mean(axis=0)
+    local = points - mean
+    centres = _through_triples(local, towards, radius_mm)
+    thin = local[:: max(1, len(local) // 400)]
+    squared = (centres**2).sum(axis=1)[:, None] + (thin**2).sum(axis=1)[None] - 2.0 * centres @ thin.T
+    gap = (np.sqrt(np.maximum(squared, 0.0)) - radius_mm) / WIDTH_MM
+    support = (1.0 / (1.0 + gap * gap)).sum(axis=1)
+    thick = local[:: max(1, len(local) // 1500)]
+    found: list[tuple[float, FloatArray]] = []
+    for index in np.argsort(-support, kind="stable")[:40]:
+        if _apart(centres[index], found):
+            value, centre = _settled(thick, centres[index], radius_mm)
+            if _apart(centre, found):
+                found.append((value, centre))
+        if len(found) == count:
+            break
+    found.sort(key=lambda entry: -entry[0])
+    return [centre + mean for _, centre in found]
+
+
+def _apart(centre: FloatArray, found: list[tuple[float, FloatArray]]) -> bool:
+    return all(np.linalg.norm(centre - other) >= APART_MM for _, other in found)
+
+
+def _through_triples(points: FloatArray, towards: FloatArray, radius: float) -> FloatArray:
+    """Centres (K, 3) of the spheres of `radius` through random triples, on the scanner's side."""
+    triples = np.random.default_rng(0).integers(0, len(points), (HYPOTHESES, 3))
+    a, b, c = (points[triples[:, k]] for k in range(3))
+    u, v = b - a, c - a
+    normal = np.cross(u, v)
+    square = (normal**2).sum(axis=1)
+    wide = square > (0.3 * radius**2) ** 2
+    a, u, v, normal, square = a[wide], u[wide], v[wide], normal[wide], square[wide]
+    to_centre = np.cross(normal, u) * (v**2).sum(axis=1)[:, None] + np.cross(v, normal) * (u**2).sum(axis=1)[:, None]
+    to_centre /= 2.0 * square[:, None]
+    rest = radius**2 - (to_centre**2).sum(axis=1)
+    fits = rest > 0
+    unit = normal[fits] / np.sqrt(square[fits])[:, None]
+    unit *= np.sign(unit @ towards)[:, None]
+    return np.asarray(a[fits] + to_centre[fits] + unit * np.sqrt(rest[fits])[:, None], dtype=np.float64)
+
+
+def _settled(points: FloatArray, centre: FloatArray, radius: float) -> tuple[float, FloatArray]:
+    gap = np.zeros(len(points))
+    for width in (1.5, 1.0, WIDTH_MM, WIDTH_MM):
+        offset = points - centre
+        distance = np.linalg.norm(offset, axis=1)
+        unit, gap = offset / distance[:, None], distance - radius
+        weighted = unit / ((1.0 + (gap / width) ** 2) ** 2)[:, None]
+        centre = centre + np.linalg.solve(weighted.T @ unit + 1e-6 * np.eye(3), weighted.T @ gap)
+    return float((1.0 / (1.0 + (gap / WIDTH_MM) ** 2)).mean()), centre

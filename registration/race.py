@@ -1,0 +1,149 @@
+"""The global search: many starts race, the worse part drops out, and the rest go on with more points and finer fields.
+
+A start is a rotation from a low-discrepancy sequence with the socket's centre found by consensus. All starts of a heat
+take their Gauss-Newton steps together. Deterministic: no random number and no thread takes part.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from registration._types import FloatArray, IntArray
+from registration.batch import GRAZING, Poses, Sampled, one_sided, sample, scores, step
+from registration.field import DistanceField, Float32Array
+from registration.views import View
+
+
+@dataclass(frozen=True)
+class Heat:
+    """One heat of the race: how many points, which field, the loss's scales, and how many go on."""
+
+    points: int
+    fine: bool
+    scales_mm: tuple[float, ...]
+    score_mm: float
+    inside: float
+    keep: int
+
+
+HEATS = (
+    Heat(160, False, (2.5, 2.0), 1.5, 5.0, 192),
+    Heat(240, False, (1.5, 1.2, 1.0), 1.0, 4.0, 64),
+    Heat(400, True, (0.9, 0.9, 0.8), 0.8, 4.0, 20),
+    Heat(800, True, (0.8, 0.8, 0.8, 0.8), 0.8, 4.0, 8),
+)
+
+STRATA_MM = (1.0, -1.0, -2.5)
+"""Heights over the sphere that part the points: hollows beyond it, the sphere itself, low tissue, high tissue."""
+
+STRATA_SHARES = (0.4, 0.5, 0.1, 0.02)
+"""How the points that race are drawn from these strata."""
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """The points of a search: in the order in which heats take them, about the cloud's socket centre, float32.
+
+    Attributes
+    ----------
+    centre : (3,) array
+        Scanner frame, mm.
+    points, beams : (3, N) arrays of float32
+    """
+
+    centre: FloatArray
+    points: Float32Array
+    beams: Float32Array
+
+    @classmethod
+    def about(cls, points: FloatArray, beams: FloatArray, centre: FloatArray, order: IntArray) -> Cloud:
+        """Take points (N, 3) and beams (N, 3) in `order`."""
+        return cls(
+            centre=centre,
+            points=np.ascontiguousarray((points - centre)[order].T, dtype=np.float32),
+            beams=np.ascontiguousarray(beams[order].T, dtype=np.float32),
+        )
+
+    def first(self, count: int) -> tuple[Float32Array, Float32Array]:
+        """The first `count` points and beams."""
+        return np.ascontiguousarray(self.points[:, :count]), np.ascontiguousarray(self.beams[:, :count])
+
+
+def shuffle(count: int, draw: int = 0) -> IntArray:
+    """A permutation of `count` that is the same on every run; another one for every `draw`."""
+    return np.random.default_rng(draw).permutation(count)
+
+
+def telling_order(points: FloatArray, centre: FloatArray, radius_mm: float, draw: int = 0) -> IntArray:
+    """Order points (N, 3) so that the first of them tell most about the rotation.
+
+    On the sphere itself all rotations look alike; the hollows beyond it (fossa, notch, rim) tell them apart, and what
+    stands far in front of it is tissue. So any first points hold fixed shares of these strata, as far as they reach.
+    """
+    order = shuffle(len(points), draw)
+    height = (np.linalg.norm(points - centre, axis=1) - radius_mm)[order]
+    stratum = (height[:, None] < np.array(STRATA_MM)).sum(axis=1)
+    turn = np.empty(len(order))
+    for index, share in enumerate(STRATA_SHARES):
+        members = np.flatnonzero(stratum == index)
+        turn[members] = (np.arange(len(members)) + 0.5) / share
+    return order[np.argsort(turn, kind="stable")]
+
+
+def race(view: View, cloud: Cloud, poses: Poses, stretch: float = 1.0) -> tuple[Poses, Float32Array]:
+    """Run the heats from `poses` and return the finishers with their scores, best first.
+
+    Parameters
+    ----------
+    view : View
+    cloud : Cloud
+    poses : Poses
+    stretch : float
+        Factor on all scales of the loss, for noisier instruments.
+    """
+    score = np.zeros(len(poses), dtype=np.float32)
+    for heat in HEATS:
+        points, beams = cloud.first(heat.points)
+        field = view.fine if heat.fine else view.coarse
+        for scale in heat.scales_mm:
+            poses = one_sided_step(field, poses, points, beams, scale * stretch, heat.inside)
+        score = scores(sample(field, poses, points, beams), heat.score_mm * stretch, heat.inside)
+        best = np.argsort(score, kind="stable")[: heat.keep]
+        poses, score = poses.at(best), score[best]
+    return poses, score
+
+
+def one_sided_step(
+    field: DistanceField, poses: Poses, points: Float32Array, beams: Float32Array, scale_mm: float, inside: float
+) -> Poses:
+    """One Gauss-Newton step of all poses under the one-sided loss along the beams."""
+    found = sample(field, poses, points, beams)
+    _, weight = one_sided(found.along_beam(), scale_mm, inside)
+    return step(poses, found, beam_weights(found, weight))
+
+
+def beam_weights(found: Sampled, weight: Float32Array) -> Float32Array:
+    """Turn weights of squared residuals along the beam into weights of squared plane residuals."""
+    cosine = np.maximum(found.cosine, GRAZING)
+    weight = weight / (cosine * cosine)
+    weight[found.cosine <= 0] = 0.0
+    return weight
+
+
+def distinct(poses: Poses, angle_rad: float = 0.035, shift_mm: float = 1.0) -> tuple[IntArray, IntArray]:
+    """Indices of poses that differ from all earlier ones by `angle_rad` or `shift_mm`, and how many fell to each."""
+    chosen: list[int] = []
+    hits: list[int] = []
+    for index in range(len(poses)):
+        relative = poses.rotations[chosen] @ poses.rotations[index].T
+        cosine = (np.trace(relative, axis1=1, axis2=2) - 1.0) / 2.0
+        near = np.arccos(np.clip(cosine, -1.0, 1.0)) < angle_rad
+        near &= np.linalg.norm(poses.shifts[chosen] - poses.shifts[index], axis=1) < shift_mm
+        if near.any():
+            hits[int(np.argmax(near))] += 1
+        else:
+            chosen.append(index)
+            hits.append(1)
+    return np.array(chosen, dtype=np.int64), np.array(hits, dtype=np.int64)

@@ -1,0 +1,87 @@
+"""Views of a model: the hollow regions that a scan can come from, each with its visible shell and distance fields.
+
+A closed bone is a trap for any search: points lock onto the far wall. So a view keeps only the faces that a scanner in
+front of the hollow can see, and its fields are signed against these.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from registration._types import FloatArray
+from registration.field import DistanceField, build_fields
+from registration.sockets import Socket, find_sockets
+from registration.surface import Surface, part
+from registration.visibility import visible_shell
+
+REACH_MM = 26.0
+"""How far beyond the socket's sphere the fields reach: the rim and its surroundings are scanned too."""
+
+MARGIN_MM = 10.0
+"""Room about the bone, so that tissue in front of it lies inside the fields."""
+
+SHELL_CONE_DEG = 30.0
+"""A shell holds what can be seen from directions within this angle of the view's axis."""
+
+
+@dataclass(frozen=True)
+class View:
+    """One region of a model with what a search needs.
+
+    Attributes
+    ----------
+    centre : (3,) array
+        Origin of the fields' frame: the socket's centre in the model frame, mm. Axes are the model's.
+    radius_mm : float
+        Of the socket's sphere.
+    axis : (3,) array
+        Unit vector through the middle of the opening, towards where a scanner would be.
+    fine, coarse : DistanceField
+        Of the visible shell, about `centre`.
+    """
+
+    centre: FloatArray
+    radius_mm: float
+    axis: FloatArray
+    fine: DistanceField
+    coarse: DistanceField
+
+
+def make_views(surface: Surface) -> tuple[View, ...]:
+    """Find the sockets of a surface and prepare a view of each; empty when there is none."""
+    return tuple(socket_view(surface, socket) for socket in find_sockets(surface))
+
+
+def socket_view(surface: Surface, socket: Socket) -> View:
+    """Prepare the view of one socket."""
+    axis = opening(surface, socket)
+    return _view(surface, socket.centre, socket.radius_mm, axis, socket.radius_mm + REACH_MM)
+
+
+def start_view(surface: Surface, centre: FloatArray, axis: FloatArray, reach_mm: float) -> View:
+    """Prepare a view of any region: within `reach_mm` of `centre`, seen along `axis`."""
+    return _view(surface, centre, reach_mm, axis / np.linalg.norm(axis), reach_mm)
+
+
+def _view(surface: Surface, centre: FloatArray, radius: float, axis: FloatArray, reach: float) -> View:
+    near = np.linalg.norm(surface.vertices - centre, axis=1) < reach + MARGIN_MM
+    cropped = part(surface, near[surface.faces].any(axis=1))
+    shell = visible_shell(surface, axis, SHELL_CONE_DEG, only=cropped)
+    shell = Surface(shell.vertices - centre, shell.faces)
+    inside = shell.vertices[np.linalg.norm(shell.vertices, axis=1) < reach]
+    fine, coarse = build_fields(shell, inside.min(axis=0) - MARGIN_MM, inside.max(axis=0) + MARGIN_MM)
+    return View(centre, radius, axis, fine, coarse)
+
+
+def opening(surface: Surface, socket: Socket, rays: int = 400) -> FloatArray:
+    """Unit vector (3,) through the middle of a socket's opening: the mean of the directions free of bone."""
+    k = np.arange(rays) + 0.5
+    z, azimuth = 1.0 - 2.0 * k / rays, k * np.pi * (3.0 - np.sqrt(5.0))
+    ring = np.sqrt(1.0 - z * z)
+    directions = np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z], axis=1)
+    distance = surface.first_hit(np.broadcast_to(socket.centre, directions.shape), directions)
+    mean = directions[distance > 2.5 * socket.radius_mm].sum(axis=0)
+    length = float(np.linalg.norm(mean))
+    return np.asarray(mean / length if length > 1.0 else socket.axis, dtype=np.float64)
