@@ -247,6 +247,8 @@ class SamplerStatus:
     watchdog_left_s : float
     problem : str
         What it reports as fault; empty when nothing is wrong.
+    clock_locked : bool
+        Whether its delay clock, the ruler of all ranges, is locked.
     """
 
     state: str
@@ -256,6 +258,7 @@ class SamplerStatus:
     trigger_hz: float
     watchdog_left_s: float
     problem: str = ""
+    clock_locked: bool = True
 
 
 class Sampler(Device, Protocol):
@@ -289,6 +292,9 @@ class Sampler(Device, Protocol):
 
     def heartbeat(self) -> None:
         """Feed the device's watchdog once."""
+
+    def clear_lockout(self) -> None:
+        """End a lock-out after watchdog or interlock; needs a closed interlock, the gate stays closed."""
 
     def stop(self) -> None:
         """End the run at once and empty the queue."""

@@ -185,6 +185,7 @@ class SamplingBridge:
             trigger_hz=status.trigger_mhz / 1000,
             watchdog_left_s=status.watchdog_ms / 1000,
             problem="; ".join(problems),
+            clock_locked=bool(status.flags & StatusFlag.CLOCK_LOCKED),
         )
 
     # Records

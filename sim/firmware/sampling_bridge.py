@@ -89,6 +89,7 @@ class SamplingBridgeFirmware:
         self.info = sbp.Info(version, 1, 0x0102, serial_number, MODEL, features)
         self.interlock = interlock
         self.reports = Reports(clock)
+        self.clock_locked = True
         self._configuration = b""
         self.gate = TriggerGate(clock, interlock, self.caps, self._gate_changed, self._watchdog_tripped)
         self.acquirer = Acquirer(clock, trigger, source, self.gate, self.caps, self.reports)
@@ -246,7 +247,7 @@ class SamplingBridgeFirmware:
             StatusFlag.WATCHDOG_TRIPPED: self.gate.watchdog_tripped,
             StatusFlag.CLIPPING_SEEN: acquirer.taker.clipping_seen,
             StatusFlag.CONFIGURED: bool(self._configuration),
-            StatusFlag.CLOCK_LOCKED: True,
+            StatusFlag.CLOCK_LOCKED: self.clock_locked,
             StatusFlag.ERROR_QUEUED: len(self.reports) > 0,
         }
         return sbp.Status(
