@@ -30,6 +30,14 @@ class Bench:
         """Get all devices by name, in the order in which they are opened: the gate's owner first."""
         return {"sampler": self.sampler, "pulser": self.pulser, "diode": self.diode, "galvo": self.galvo}
 
+    def blamed(self, error: BaseException) -> str:
+        """Get the name of the device whose link an error names; empty when it names none."""
+        about = getattr(error, "device", None)
+        for name, device in self.devices().items():
+            if about is not None and about == getattr(getattr(device, "link", None), "device", None):
+                return name
+        return ""
+
     def identify(self) -> dict[str, Identity]:
         """Get who answers on each link."""
         return {name: device.identify() for name, device in self.devices().items()}

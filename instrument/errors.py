@@ -30,12 +30,16 @@ class InterlockTripped(PicoradarError):
         Name of the interlock.
     message : str
         Value, band and what to do.
+    action : str
+        ``suspend``: laser off until it holds again; ``abort``: the scan ends; ``off``: that, and the diode's
+        controller is switched off too.
     """
 
     exit_status = 4
 
-    def __init__(self, interlock: str, message: str) -> None:
+    def __init__(self, interlock: str, message: str, *, action: str = "abort") -> None:
         self.interlock = interlock
+        self.action = action
         super().__init__(f"interlock '{interlock}': {message}")
 
 

@@ -11,11 +11,16 @@ from drivers.clock import Clock
 from drivers.interfaces import Galvo, Identity, Record, Sampler, SweepSettings
 from instrument.calibration import Calibration
 from instrument.controller import Between
+from instrument.errors import BadInput
 from instrument.geometry import covariance_from, points_from, true_angles
 from instrument.ranging import estimate
 from instrument.raster import LinePlan, Raster
 from instrument.scan_line import ScanLine
 from instrument.settings import Settings
+
+BYTES_PER_SAMPLE = 64  # of a line in memory: codes, the trace in mV and what ranging needs beside it
+MOST_LINE_BYTES = 1_000_000_000
+POINT_BYTES = 256  # of a place on the disk, without its trace
 
 
 def raster_of(settings: Settings, calibration: Calibration) -> Raster:
@@ -25,7 +30,10 @@ def raster_of(settings: Settings, calibration: Calibration) -> Raster:
     ------
     LimitError
         When it does not fit into the scanner's span.
+    BadInput
+        When one of its lines does not fit into memory.
     """
+    _refuse_enormous_lines(settings)
     scan = settings.scan
     return Raster(
         rows=scan.rows,
@@ -36,6 +44,22 @@ def raster_of(settings: Settings, calibration: Calibration) -> Raster:
         separation_mm=calibration.mirror_separation_mm,
         errors=calibration.scanner,
     )
+
+
+def _refuse_enormous_lines(settings: Settings) -> None:
+    """Refuse lines whose traces do not fit into memory while they are ranged, with the number.
+
+    Raises
+    ------
+    BadInput
+    """
+    columns, samples = settings.scan.columns, settings.sampler.samples
+    needed = columns * samples * BYTES_PER_SAMPLE
+    if needed > MOST_LINE_BYTES:
+        raise BadInput(
+            f"a line of {columns} places with {samples} samples each needs about {needed / 1e9:.1f} GB of memory "
+            f"to be ranged, more than {MOST_LINE_BYTES / 1e9:.0f} GB; take fewer columns or samples"
+        )
 
 
 class RasterScan:
@@ -63,6 +87,7 @@ class RasterScan:
         self.clock = clock
         self.raster = raster_of(settings, calibration)
         self._rows = range(settings.scan.rows) if rows is None else rows
+        self._reference_mv = 0.0
 
     @property
     def rows(self) -> Sequence[int]:
@@ -81,6 +106,17 @@ class RasterScan:
             settle_shots=sampler.settle_shots,
             prf_hz=self.settings.pulser.prf_hz,
         )
+
+    @property
+    def line_bytes(self) -> int:
+        """Get the most that one line takes on the disk (its traces not compressed)."""
+        samples = self.settings.sampler.samples if self.settings.scan.keep_traces else 0
+        return self.settings.scan.columns * (POINT_BYTES + 2 * samples)
+
+    @property
+    def reference_mv(self) -> float:
+        """Get the median amplitude of the reference in the line taken last; 0 when most places had none."""
+        return self._reference_mv
 
     def header(
         self, identities: Mapping[str, Identity], *, seed: int | None, zero_code: float, mv_per_code: float
@@ -117,7 +153,7 @@ class RasterScan:
         galvo, sampler
             Open and configured; the gate is open.
         between : callable
-            Called before each place; what it raises ends the line.
+            Called before the line and before each place; what it raises ends the line.
 
         Raises
         ------
@@ -126,8 +162,11 @@ class RasterScan:
         plan = self.raster.line(row)
         began_s = self.clock.now()
         scanner = self.settings.scanner
-        galvo.move(int(plan.lead_in[0]), int(plan.lead_in[1]))
-        self.clock.sleep(scanner.flyback_settle_ms * 1e-3)
+        between()
+        # Every line is approached in the same way, by the centre: where the beam was before leaves no trace in it.
+        for x_code, y_code in ((galvo.codes // 2, galvo.codes // 2), plan.lead_in):
+            galvo.move(int(x_code), int(y_code))
+            self.clock.sleep(scanner.flyback_settle_ms * 1e-3)
         records: list[Record] = []
         for column, (x_code, y_code) in zip(plan.columns, plan.codes, strict=True):
             between()
@@ -147,6 +186,7 @@ class RasterScan:
             sweeps=first.sweeps,
             clipped=np.array([record.clipped for record in records]),
         )
+        self._reference_mv = float(np.median(np.nan_to_num(ranges.reference_mv)))
         angles_rad = true_angles(plan.angles_rad, self.calibration.scanner)
         separation_mm = self.calibration.mirror_separation_mm
         return ScanLine(

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from instrument.errors import BadInput
 
@@ -52,6 +52,21 @@ class PulserSettings(Section):
 
     prf_hz: float = Field(80_000.0, ge=20_000, le=240_000, description="pulse repetition frequency, Hz")
     drive_v: float = Field(290.0, ge=240, le=330, description="drive voltage, V")
+    measured_output: tuple[tuple[float, float, float], ...] = Field(
+        ((290.0, 80_000.0, 0.300), (330.0, 20_000.0, 0.103)),
+        min_length=1,
+        description="mean power measured at the exit: [drive V, rate Hz, mW], one entry a measurement",
+    )
+    output_margin: float = Field(
+        1.2, ge=1, le=10, description="factor on the measured energy: uncertainty of the power meter, temperature"
+    )
+
+    @field_validator("measured_output")
+    @classmethod
+    def _positive(cls, points: tuple[tuple[float, float, float], ...]) -> tuple[tuple[float, float, float], ...]:
+        if not all(value > 0 for point in points for value in point):
+            raise ValueError("drive voltage, rate and mean power of each measurement must be above 0")
+        return points
 
     @model_validator(mode="after")
     def _no_overheating(self) -> PulserSettings:
@@ -69,6 +84,15 @@ class DiodeSettings(Section):
 
     target_degc: float = Field(23.0, ge=17, le=25, description="target temperature, degC")
     warm_up_limit_s: float = Field(1800.0, ge=10, le=7200, description="longest warm-up before it counts as failed, s")
+    settled_k: float = Field(
+        0.004,
+        gt=0,
+        le=0.2,
+        description="lines are taken once the diode, with the laser on, is as near to its target, K",
+    )
+    settle_limit_s: float = Field(
+        60.0, ge=0, le=600, description="longest wait for that; then it is noted and goes on, s"
+    )
 
 
 class SamplerSettings(Section):
@@ -140,10 +164,20 @@ def load_settings(path: Path) -> Settings:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise BadInput(f"{path}: not valid TOML: {error}; mend that line") from error
+    return settings_from(table, str(path), text)
+
+
+def settings_from(table: object, source: str, text: str = "") -> Settings:
+    """Check settings given as a table, as a recording carries them; ``source`` and ``text`` are for messages.
+
+    Raises
+    ------
+    BadInput
+    """
     try:
         return Settings.model_validate(table)
     except ValidationError as error:
-        raise BadInput("; ".join(describe_errors(error, str(path), text))) from error
+        raise BadInput("; ".join(describe_errors(error, source, text))) from error
 
 
 def override(settings: Settings, changes: Mapping[str, Mapping[str, Any]]) -> Settings:

@@ -28,7 +28,7 @@ from sim.truth import BenchTruth
 from sim.usb.backend import SimUsbBackend
 from sim.wires import InterlockChain, TriggerLine
 
-TUNED = {3010: 400.0, 3011: 5.0}  # Kp in % of the current limit per K, Ti in s
+TUNED = {3010: 1000.0, 3011: 2.0}  # Kp in % of the current limit per K, Ti in s
 
 
 class SimulatedBench:

@@ -29,6 +29,9 @@ Averages = Annotated[int | None, typer.Option(help="Sweeps averaged into one rec
 PrfHz = Annotated[float | None, typer.Option(help="Pulse repetition frequency, Hz.")]
 Mode = Annotated[str | None, typer.Option(help="How the trace is sampled: sweep (the whole trace).")]
 Estimator = Annotated[str | None, typer.Option(help="How a trace becomes a range: half-maximum.")]
+Faults = Annotated[
+    Path | None, typer.Option("--faults", help="Faults that happen on the simulated bench (TOML or JSON).")
+]
 Speed = Annotated[str, typer.Option(help="Pace of the simulated bench: max, 1 (real time) or a factor.")]
 
 

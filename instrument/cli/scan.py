@@ -33,6 +33,7 @@ def scan(
     mode: options.Mode = None,
     estimator: options.Estimator = None,
     seed: options.Seed = None,
+    faults: options.Faults = None,
     speed: options.Speed = "max",
     out: Annotated[Path | None, typer.Option("-o", help="Recording to make (a file that does not exist).")] = None,
     folder: Annotated[Path | None, typer.Option("--out", help="Folder for the recording, made if need be.")] = None,
@@ -58,7 +59,7 @@ def scan(
     path = recording_path(out, folder)
     with (
         transcripts.transcript_to(transcript) as written,
-        session.session(wanted, options.parse_speed(speed), written) as run,
+        session.session(wanted, options.parse_speed(speed), written, faults=faults) as run,
     ):
         session.warm_up(run)
         result, outcome = session.record_scan(run, path)
@@ -80,6 +81,8 @@ def recording_path(out: Path | None, folder: Path | None) -> Path:
     """
     path = out if out is not None else Path(DEFAULT_NAME)
     if folder is not None:
+        if not (folder / path).resolve().is_relative_to(folder.resolve()):
+            raise BadInput(f"-o {path}: leads out of the folder {folder}; give a name inside it, or no --out")
         path = folder / path
     if path.exists():
         raise BadInput(f"{path} exists already and will not be written over; give another name with -o")

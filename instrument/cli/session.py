@@ -12,6 +12,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+import numpy as np
+
 from drivers.clock import ScaledClock
 from drivers.interfaces import Identity, TemperatureStatus
 from drivers.transcript import Transcript
@@ -23,7 +25,7 @@ from instrument.devices import make_bench
 from instrument.errors import BadInput, Interrupted
 from instrument.recording import Recording
 from instrument.scan import RasterScan, raster_of
-from instrument.scan_line import ScanLine
+from instrument.scan_line import Flag, ScanLine
 from instrument.settings import Settings
 
 
@@ -52,14 +54,23 @@ class Session:
 
 
 @contextmanager
-def session(settings: Settings, speed: float | None, transcript: Transcript | None = None) -> Iterator[Session]:
+def session(
+    settings: Settings,
+    speed: float | None,
+    transcript: Transcript | None = None,
+    *,
+    faults: Path | None = None,
+    calibration: Calibration | None = None,
+) -> Iterator[Session]:
     """Open the bench of the settings; leave it safe and closed on every way out.
 
     While the session is open, Ctrl-C and SIGTERM ask the controller to end safely; a second one is an emergency off.
     """
-    calibration = calibration_of(settings)
+    calibration = calibration_of(settings) if calibration is None else calibration
     raster_of(settings, calibration)  # what does not fit is refused before anything is switched
-    simulated = Simulated(settings, speed) if settings.bench == "simulated" else None
+    if faults is not None and settings.bench != "simulated":
+        raise BadInput("--faults declares faults of the simulated bench; this settings file has real devices")
+    simulated = Simulated(settings, speed, faults) if settings.bench == "simulated" else None
     try:
         if simulated is None:
             bench = make_bench(settings.links, ScaledClock(settings.links.speed), transcript=transcript)
@@ -136,7 +147,6 @@ def record_scan(run: Session, path: Path) -> tuple[dict[str, Any], ScanOutcome]:
     Interrupted
         After the safe way out, when Ctrl-C or SIGTERM came; the lines so far are kept.
     """
-    began = time.perf_counter()
     bench = run.controller.bench
     job = RasterScan(run.settings, run.calibration, bench.clock)
     header = job.header(
@@ -145,13 +155,36 @@ def record_scan(run: Session, path: Path) -> tuple[dict[str, Any], ScanOutcome]:
         zero_code=bench.sampler.zero_code,
         mv_per_code=bench.sampler.mv_per_code,
     )
-    with Recording.create(path, header) as recording:
+    if run.simulated is not None and run.simulated.faults:
+        header["faults"] = run.simulated.faults
+    return _scan_into(run, job, Recording.create(path, header))
+
+
+def resume_scan(run: Session, path: Path) -> tuple[dict[str, Any], ScanOutcome]:
+    """Take the lines that a recording lacks, and describe the whole scan by the keys of the contract.
+
+    Raises
+    ------
+    Interrupted
+        As `record_scan`.
+    RecordingError
+        When nothing is missing, or another program writes to it.
+    """
+    recording = Recording.resume(path)
+    return _scan_into(
+        run, RasterScan(run.settings, run.calibration, run.controller.bench.clock, recording.missing), recording
+    )
+
+
+def _scan_into(run: Session, job: RasterScan, recording: Recording) -> tuple[dict[str, Any], ScanOutcome]:
+    began = time.perf_counter()
+    with recording:
         outcome = _scan_with_bar(run, job, recording)
         result = describe_scan(run, job, recording, outcome)
     result["wall_s"] = round(time.perf_counter() - began, 3)
     if outcome.stop_reason == "interrupted":
         safe = "laser off verified" if outcome.safe.laser_off_verified else str(outcome.safe)
-        raise Interrupted(f"interrupted; {safe}; {outcome.lines} lines kept in {path}")
+        raise Interrupted(f"interrupted; {safe}; {result['lines']} lines kept in {recording.path}")
     return result, outcome
 
 
@@ -170,20 +203,25 @@ def _scan_with_bar(run: Session, job: RasterScan, recording: Recording) -> ScanO
 def describe_scan(run: Session, job: RasterScan, recording: Recording, outcome: ScanOutcome) -> dict[str, Any]:
     """Describe a scan by the keys of the command's contract (without ``wall_s``)."""
     scan, sweep = run.settings.scan, job.sweep
+    cloud = recording.cloud()
+    places = outcome.lines * scan.columns
     result: dict[str, Any] = {
         "recording": str(recording.path),
-        "points": outcome.points,
-        "lines": outcome.lines,
+        "points": int(cloud.has_range.sum()),
+        "lines": len(recording.done),
+        "lines_taken": outcome.lines,
         "grid": [scan.rows, scan.columns],
         "step_mm": scan.step_mm,
         "mode": scan.mode,
         "averages": scan.averages,
         "device_time_s": round(outcome.device_time_s, 6),
-        "shot_limited_s": sweep.averages * sweep.samples * outcome.lines * scan.columns / sweep.prf_hz,
-        "flags": dict(outcome.flags),
+        "shot_limited_s": sweep.averages * sweep.samples * places / sweep.prf_hz,
+        "flags": {f.words: n for f in Flag if f and (n := int(np.count_nonzero(cloud.flags & np.uint16(f))))},
         "laser_off_verified": outcome.safe.laser_off_verified,
+        "safe_state": outcome.safe.steps,
+        "suspended": outcome.suspended,
         "stop_reason": outcome.stop_reason,
     }
     if run.simulated is not None:
-        result["truth"] = run.simulated.truth_of(recording.cloud())
+        result["truth"] = run.simulated.truth_of(cloud)
     return result

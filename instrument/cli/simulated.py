@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,13 @@ class Simulated:
         With ``bench = "simulated"``.
     speed : float, optional
         Factor of real time; None is as fast as the computer can.
+    faults : path, optional
+        Faults to happen on the bench, TOML or JSON (`sim.faults`).
+
+    Attributes
+    ----------
+    faults : list of dict
+        The declared faults, for the header of the recording.
 
     Raises
     ------
@@ -30,7 +38,7 @@ class Simulated:
         When the ``[simulation]`` table is not allowed, or the target cannot be used.
     """
 
-    def __init__(self, settings: Settings, speed: float | None) -> None:
+    def __init__(self, settings: Settings, speed: float | None, faults: Path | None = None) -> None:
         from sim import SimulatedBench
         from sim.settings import SimulationSettings
 
@@ -43,6 +51,20 @@ class Simulated:
         except ValueError as error:
             raise BadInput(str(error)) from error
         self._columns = settings.scan.columns
+        self.faults: list[dict[str, Any]] = []
+        if faults is not None:
+            self._arm(faults)
+
+    def _arm(self, path: Path) -> None:
+        from sim.faults import arm, load_scenario
+
+        try:
+            declared = load_scenario(path)
+        except ValueError as error:
+            self.bench.close()
+            raise BadInput(str(error)) from error
+        arm(self.bench, declared)
+        self.faults = [fault.as_dict() for fault in declared]
 
     @property
     def links(self) -> Links:

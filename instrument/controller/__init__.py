@@ -1,7 +1,8 @@
 """The controller: a state machine that owns the devices, interlocks as data, and the safe way out."""
 
-from instrument.controller.controller import Controller, Request
+from instrument.controller.controller import Controller
 from instrument.controller.job import Between, LineStore, ScanJob, ScanOutcome, Sink
+from instrument.controller.requests import Request
 from instrument.controller.safety import SafeState, make_safe
 from instrument.controller.states import STATES, TRANSITIONS, State, allowed_verbs, diagram
 

@@ -2,21 +2,45 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 from drivers.interfaces import PulserStatus, SamplerStatus, TemperatureStatus
-from instrument.errors import InterlockTripped
+from instrument.controller.exposure import Exposure
 from instrument.settings import Settings
+
+Action = Literal["suspend", "abort", "off"]
+INFINITE = math.inf
+AVERAGE_CURRENT_A = 0.020  # S 2.6.1: a few mA to some 10 mA; 290 V on the bleeder draw 12 mA
+HEAT_LIMIT_V2HZ = 300.0**2 * 80_000.0  # S 2.6.1: above about 300 V at 80 kHz the transmitter overheats
+LEAST_HEARTBEAT_S = 0.4  # of the watchdog's second; the host beats every quarter of it
+REFERENCE_MV = (10.0, 110.0)  # below, its place is doubtful; above, the A/D is at its end
 
 
 @dataclass(frozen=True)
 class Readings:
-    """What one look at the bench found; None where a device was not asked."""
+    """What a look at the bench found; None where nobody was asked.
+
+    Attributes
+    ----------
+    pulser, diode, sampler
+        Status of the devices.
+    mirrors_answer : bool
+        The galvo controller has answered.
+    reference_mv : float
+        Median amplitude of the reference pulse in the last line; 0 when most places had none.
+    disk_lines : float
+        Lines for which the disk of the recording still has room.
+    """
 
     pulser: PulserStatus | None = None
     diode: TemperatureStatus | None = None
     sampler: SamplerStatus | None = None
+    mirrors_answer: bool | None = None
+    reference_mv: float | None = None
+    disk_lines: float | None = None
 
 
 @dataclass(frozen=True)
@@ -31,10 +55,17 @@ class Interlock:
         Gets the value out of the readings; None when it was not measured.
     least, most : float
         Band in which the value must lie.
-    emitting_only : bool
-        Holds only while the laser is on.
+    action : str
+        ``suspend``: laser off, go on by itself when it holds again; ``abort``: the scan ends; ``off``: the scan ends
+        and the diode's controller is switched off as well.
     remedy : str
         What a person can do.
+    emitting_only : bool
+        Holds only while the laser is on.
+    hysteresis : float
+        Once it has tripped, the value must come this far inside the band before it holds again.
+    hold_off_s : float
+        A value outside the band for less than this does not trip.
     """
 
     name: str
@@ -42,72 +73,119 @@ class Interlock:
     quantity: Callable[[Readings], float | None]
     least: float
     most: float
-    emitting_only: bool
+    action: Action
     remedy: str
+    emitting_only: bool = False
+    hysteresis: float = 0.0
+    hold_off_s: float = 0.0
 
-    def check(self, readings: Readings, *, emitting: bool) -> None:
-        """Refuse a value outside the band (NaN included).
+    def holds(self, value: float, *, tripped: bool) -> bool:
+        """Get whether the value is in its band (NaN is not); the band is narrower while it is tripped."""
+        inside = self.hysteresis if tripped else 0.0
+        return self.least + inside <= value <= self.most - inside
 
-        Raises
-        ------
-        InterlockTripped
-        """
-        value = self.quantity(readings)
-        if value is None or (self.emitting_only and not emitting):
-            return
-        if not self.least <= value <= self.most:
-            raise InterlockTripped(
-                self.name,
-                f"{value:g} {self.unit} is outside {self.least:g} to {self.most:g} {self.unit}; {self.remedy}".replace(
-                    "  ", " "
-                ),
-            )
+    def describe(self, value: float) -> str:
+        """Say value, band and remedy."""
+        text = f"{value:g} {self.unit} is outside {self.least:g} to {self.most:g} {self.unit}; {self.remedy}"
+        return " ".join(text.split())
 
 
-def interlocks(settings: Settings) -> tuple[Interlock, ...]:
+def _truth(value: bool | None) -> float | None:
+    return None if value is None else float(value)
+
+
+def interlocks(settings: Settings, exposure: Exposure) -> tuple[Interlock, ...]:
     """Get the table for one bench.
 
-    The bands follow the design: diode within 1 K of its target, drive within 1 %, PRF within 1 %.
+    Parameters
+    ----------
+    settings : Settings
+        Target temperature, drive voltage and rate, from which the bands follow.
+    exposure : Exposure
+        Bound of the pulse energy, for the mean power at the measured rate.
     """
     target, drive_v, prf_hz = settings.diode.target_degc, settings.pulser.drive_v, settings.pulser.prf_hz
     return (
         Interlock(
-            "diode temperature", "degC", lambda r: r.diode.temperature_degc if r.diode else None,
-            target - 1.0, target + 1.0, False, "check the temperature controller and the heat sink",
+            "interlock line", "", lambda r: _truth(r.sampler.interlock_closed) if r.sampler else None,
+            1, 1, "abort", "close lid and key switch",
         ),
         Interlock(
-            "diode regulation", "", lambda r: float(r.diode.regulating and not r.diode.problem) if r.diode else None,
-            1, 1, False, "the temperature controller has stopped: read its error, reset it",
+            "bridge clock", "", lambda r: _truth(r.sampler.clock_locked) if r.sampler else None,
+            1, 1, "abort", "the delay clock of the bridge is not locked: ranges would be wrong; have it serviced",
         ),
         Interlock(
-            "interlock line", "", lambda r: float(r.sampler.interlock_closed) if r.sampler else None,
-            1, 1, False, "close lid and key switch",
+            "host heartbeat", "s", lambda r: r.sampler.watchdog_left_s if r.sampler else None,
+            LEAST_HEARTBEAT_S, INFINITE, "abort", "heartbeats reach the bridge late: this computer is overloaded",
+            emitting_only=True,
         ),
         Interlock(
-            "supply enable", "", lambda r: float(r.pulser.interlock_closed) if r.pulser else None,
-            1, 1, False, "close the ENA terminals of the drive supply",
-        ),
-        Interlock(
-            "drive voltage", "V", lambda r: r.pulser.measured_v if r.pulser else None,
-            drive_v * 0.99, drive_v * 1.01, True, "check the drive supply",
+            "gate", "", lambda r: _truth(r.sampler.gate == "on") if r.sampler else None,
+            1, 1, "abort", "the bridge has closed the gate: see its error", emitting_only=True,
         ),
         Interlock(
             "trigger rate", "Hz", lambda r: r.sampler.trigger_hz if r.sampler else None,
-            prf_hz * 0.99, prf_hz * 1.01, True, "check the trigger cable between delay generator and bridge",
+            prf_hz * 0.99, prf_hz * 1.01, "abort", "check the trigger cable between delay generator and bridge",
+            emitting_only=True,
         ),
         Interlock(
-            "gate", "", lambda r: float(r.sampler.gate == "on") if r.sampler else None,
-            1, 1, True, "the bridge has closed the gate: see its error",
+            "mean power", "of class 1", lambda r: exposure.share(r.sampler.trigger_hz) if r.sampler else None,
+            0, 1, "off", "light would leave class 1: lower rate or drive voltage", emitting_only=True,
+        ),
+        Interlock(
+            "supply enable", "", lambda r: _truth(r.pulser.interlock_closed) if r.pulser else None,
+            1, 1, "abort", "close the ENA terminals of the drive supply",
+        ),
+        Interlock(
+            "drive voltage", "V", lambda r: r.pulser.measured_v if r.pulser else None,
+            drive_v * 0.99, drive_v * 1.01, "abort", "check the drive supply", emitting_only=True,
+        ),
+        Interlock(
+            "average current", "A", lambda r: r.pulser.measured_a if r.pulser else None,
+            0, AVERAGE_CURRENT_A, "off", "the pulser draws too much: it may conduct between shots; let it be checked",
+        ),
+        Interlock(
+            "pulser heat", "of its limit",
+            lambda r: r.pulser.measured_v**2 * r.pulser.prf_hz / HEAT_LIMIT_V2HZ if r.pulser else None,
+            0, 1.02, "off", "drive voltage squared times rate overheats the transmitter", emitting_only=True,
+        ),
+        Interlock(
+            "diode regulation", "", lambda r: _truth(r.diode.regulating and not r.diode.problem) if r.diode else None,
+            1, 1, "off", "the temperature controller has stopped: read its error, reset it",
+        ),
+        Interlock(
+            "diode limits", "degC", lambda r: r.diode.temperature_degc if r.diode else None,
+            target - 1.0, target + 1.0, "off", "check the temperature controller and the heat sink",
+        ),
+        Interlock(
+            "diode temperature", "degC", lambda r: r.diode.temperature_degc if r.diode else None,
+            target - 0.2, target + 0.2, "suspend", "the scan waits for the diode", hysteresis=0.05, hold_off_s=0.5,
+        ),
+        Interlock(
+            "mirrors", "", lambda r: _truth(r.mirrors_answer),
+            1, 1, "abort", "the galvo controller does not answer: check its cable and supply",
+        ),
+        Interlock(
+            "reference pulse", "mV", lambda r: r.reference_mv,
+            *REFERENCE_MV, "abort", "check laser, trigger and reference fibre", emitting_only=True,
+        ),
+        Interlock(
+            "disk space", "lines", lambda r: r.disk_lines,
+            2, INFINITE, "suspend", "make room on the disk of the recording",
         ),
     )  # fmt: skip
 
 
-def check_all(table: tuple[Interlock, ...], readings: Readings, *, emitting: bool) -> None:
-    """Check every interlock of the table; the first that does not hold is raised.
-
-    Raises
-    ------
-    InterlockTripped
-    """
-    for interlock in table:
-        interlock.check(readings, emitting=emitting)
+def interlock_table(settings: Settings, exposure: Exposure) -> str:
+    """Write the interlocks as a Markdown table, for the documents."""
+    lines = [
+        "| quantity | band | hysteresis | hold-off | when | action | what to do |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for i in interlocks(settings, exposure):
+        band = f"{i.least:g}" if i.least == i.most else f"{i.least:g} to {i.most:g}"
+        hysteresis = f"{i.hysteresis:g} {i.unit}" if i.hysteresis else ""
+        hold_off = f"{i.hold_off_s:g} s" if i.hold_off_s else ""
+        when = "laser on" if i.emitting_only else "always"
+        lines.append(f"| {i.name} | {band} {i.unit} | {hysteresis} | {hold_off} | {when} | {i.action} | {i.remedy} |")
+    return "\n".join(lines)

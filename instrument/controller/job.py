@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -28,12 +29,24 @@ class ScanJob(Protocol):
     def rows(self) -> Sequence[int]:
         """Get the rows to take, in order."""
 
+    @property
+    def line_bytes(self) -> int:
+        """Get the most that one line takes on the disk."""
+
+    @property
+    def reference_mv(self) -> float:
+        """Get the median amplitude of the reference in the line taken last; 0 when most places had none."""
+
     def take_line(self, row: int, galvo: Galvo, sampler: Sampler, between: Between) -> ScanLine:
         """Take one line with the laser on; ``between`` is called before each place and may raise."""
 
 
 class LineStore(Protocol):
     """Where lines become durable (`instrument.recording.Recording`)."""
+
+    @property
+    def path(self) -> Path:
+        """Get the file, to know the room on its disk."""
 
     def append(self, line: ScanLine, *, acknowledged_at_s: float | None = None) -> None:
         """Store a line; it is safe on disk when this returns."""
@@ -58,7 +71,11 @@ class ScanOutcome:
     lines, points : int
         Lines stored; entries in them that carry a range.
     device_time_s : float
-        From switching the laser on to the safe state, on the bench's clock.
+        From the first look at the interlocks to the safe state, on the bench's clock.
+    dark_s : float
+        From the moment at which the end was decided to the last step of the safe way out.
+    suspended : list of str
+        Why the scan had to wait, each time.
     flags : Counter
         How many entries carry each flag, by its words.
     """
@@ -68,6 +85,8 @@ class ScanOutcome:
     lines: int = 0
     points: int = 0
     device_time_s: float = 0.0
+    dark_s: float = 0.0
+    suspended: list[str] = field(default_factory=list)
     flags: Counter[str] = field(default_factory=Counter)
 
     def count(self, line: ScanLine) -> None:

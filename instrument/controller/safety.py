@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from drivers.errors import DeviceError
 from instrument.bench import Bench
 
 VERIFIED = "verified"
@@ -39,23 +38,49 @@ class SafeState:
         return "; ".join([laser, *open_points])
 
 
-def make_safe(bench: Bench) -> SafeState:
+def make_safe(bench: Bench, *, blamed: str = "", diode_off: bool = False) -> SafeState:
     """Close the gate, stop triggers and supply, end the run, park the mirrors; each tried, each read back.
 
-    Never raises a `DeviceError`: a step that fails is written down and the next one is tried.
+    Never raises an `Exception`: a step that fails is written down and the next one is tried.
+
+    Parameters
+    ----------
+    bench : Bench
+    blamed : str, optional
+        Device whose failure led here: its steps come last, for they may cost the time of an answer that never comes.
+    diode_off : bool, optional
+        Switch the diode's controller off as well.
+
+    Raises
+    ------
+    BaseException
+        What is no `Exception` (a second Ctrl-C, the end of the interpreter), after all steps have been tried.
     """
-    steps: dict[str, Callable[[], None]] = {
-        "gate": bench.sampler.gate_off,
-        "pulser": bench.pulser.off,
-        "run": bench.sampler.stop,
-        "mirrors": bench.galvo.park,
-    }
-    return SafeState({name: _attempt(step) for name, step in steps.items()})
+    steps: list[tuple[str, str, Callable[[], None]]] = [
+        ("gate", "sampler", bench.sampler.gate_off),
+        ("pulser", "pulser", bench.pulser.off),
+        ("run", "sampler", bench.sampler.stop),
+        ("mirrors", "galvo", bench.galvo.park),
+    ]
+    if diode_off:
+        steps.append(("diode", "diode", bench.diode.off))
+    steps.sort(key=lambda step: step[1] == blamed)
+    outcome: dict[str, str] = {}
+    broken_off: BaseException | None = None
+    for name, _, step in steps:
+        try:
+            step()
+        except Exception as error:  # noqa: BLE001 - no failure, of whatever kind, may keep the next step from being tried
+            outcome[name] = _words(error)
+        except BaseException as error:  # noqa: BLE001 - raised again below, after the other steps
+            outcome[name] = _words(error)
+            broken_off = error
+        else:
+            outcome[name] = VERIFIED
+    if broken_off is not None:
+        raise broken_off
+    return SafeState(outcome)
 
 
-def _attempt(step: Callable[[], None]) -> str:
-    try:
-        step()
-    except DeviceError as error:
-        return str(error)
-    return VERIFIED
+def _words(error: BaseException) -> str:
+    return str(error) or type(error).__name__

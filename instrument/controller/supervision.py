@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from drivers.clock import Timer
 from drivers.errors import DeviceError
 from instrument.bench import Bench
-from instrument.controller.interlocks import Interlock, Readings, check_all
+from instrument.controller.interlocks import Interlock, Readings
+from instrument.controller.panel import Panel
 
 WATCHDOG_S = 1.0  # time limit that the sampler's driver sets in the device
 BEAT_S = WATCHDOG_S / 4  # SBP 1.0 section 5: every quarter of the timeout
-LOOK_S = 1.0  # between two places, diode and gate are looked at this often
+LOOK_S = 1.0  # between two places, the diode is looked at this often
 
 
 class Supervisor:
@@ -17,17 +20,19 @@ class Supervisor:
 
     The heartbeat is a timer of the clock and runs in the one thread that also looks at the interlocks: when that
     thread is stuck, or has seen a fault, the beat stops and the bridge closes the gate by itself.
+    Every look hands each device's readings to the panel before it asks the next one, the fastest link first.
     """
 
     def __init__(self, bench: Bench, table: tuple[Interlock, ...]) -> None:
+        self.panel = Panel(table, bench.clock)
         self._bench = bench
-        self._table = table
         self._timer: Timer | None = None
         self._failure: DeviceError | None = None
-        self._last_look_s = -float("inf")
+        self._diode_seen_s = -float("inf")
 
     def start_beating(self) -> None:
         """Send the first heartbeat now and one each quarter of the watchdog's time from then on."""
+        self.stop_beating()
         self._failure = None
         self._bench.sampler.heartbeat()
         self._timer = self._bench.clock.every(BEAT_S, self._beat)
@@ -38,31 +43,59 @@ class Supervisor:
             self._timer.cancel()
             self._timer = None
 
-    def look_at_all(self, *, emitting: bool) -> None:
+    def look_at_all(self, *, emitting: bool, disk_lines: Callable[[], float] | None = None) -> None:
         """Ask every device and check every interlock.
 
+        Parameters
+        ----------
+        emitting : bool
+            Whether the laser is on.
+        disk_lines : callable, optional
+            Gets the number of lines for which the disk has room.
+
         Raises
         ------
         InterlockTripped, DeviceError
         """
-        readings = Readings(self._bench.pulser.status(), self._bench.diode.status(), self._bench.sampler.status())
-        self._check(readings, emitting=emitting)
+        bench = self._bench
+        self._judge(Readings(sampler=bench.sampler.status()), emitting)
+        self._judge(Readings(pulser=bench.pulser.status()), emitting)
+        self._judge(Readings(diode=bench.diode.status()), emitting)
+        self._diode_seen_s = bench.clock.now()
+        bench.galvo.ready()  # busy or not does not matter: it has answered
+        lines = disk_lines() if disk_lines is not None else None
+        self._judge(Readings(mirrors_answer=True, disk_lines=lines), emitting)
 
     def look(self) -> None:
-        """Between two places: check the heartbeat always, and diode and gate once a second.
+        """Before each place: heartbeat and bridge; the diode once a second.
+
+        A beat here keeps the timer's beats inside the records, where they delay nothing: the time between the
+        mirrors' step and the first shot is then the same at every place, whatever happened before.
 
         Raises
         ------
         InterlockTripped, DeviceError
         """
         self._raise_failure()
-        if self._bench.clock.now() - self._last_look_s >= LOOK_S:
-            self._check(Readings(None, self._bench.diode.status(), self._bench.sampler.status()), emitting=True)
+        if self._timer is not None:
+            self.start_beating()
+        self._judge(Readings(sampler=self._bench.sampler.status()), True)
+        if self._bench.clock.now() - self._diode_seen_s >= LOOK_S:
+            self._judge(Readings(diode=self._bench.diode.status()), True)
+            self._diode_seen_s = self._bench.clock.now()
 
-    def _check(self, readings: Readings, *, emitting: bool) -> None:
+    def judge_line(self, reference_mv: float | None) -> None:
+        """After each line, before it counts: the gate is still open, and the reference was there.
+
+        Raises
+        ------
+        InterlockTripped, DeviceError
+        """
+        self._judge(Readings(sampler=self._bench.sampler.status(), reference_mv=reference_mv), True)
+
+    def _judge(self, readings: Readings, emitting: bool) -> None:
         self._raise_failure()
-        self._last_look_s = self._bench.clock.now()
-        check_all(self._table, readings, emitting=emitting)
+        self.panel.judge(readings, emitting=emitting)
 
     def _beat(self) -> None:
         try:

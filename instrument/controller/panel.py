@@ -1,0 +1,74 @@
+"""The state of all interlocks: which of them holds the run now, and since when."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drivers.clock import Clock
+from instrument.controller.interlocks import Interlock, Readings
+from instrument.errors import InterlockTripped
+
+
+@dataclass
+class _Lamp:
+    """One interlock on the panel: outside its band since when, tripped or not, and in which words."""
+
+    interlock: Interlock
+    outside_since_s: float | None = None
+    tripped: bool = False
+    words: str = ""
+
+    def take(self, value: float, now_s: float) -> None:
+        if self.interlock.holds(value, tripped=self.tripped):
+            self.clear()
+            return
+        if self.outside_since_s is None:
+            self.outside_since_s = now_s
+        self.words = self.interlock.describe(value)
+        self.tripped = self.tripped or now_s - self.outside_since_s >= self.interlock.hold_off_s
+
+    def clear(self) -> None:
+        self.outside_since_s, self.tripped, self.words = None, False, ""
+
+
+class Panel:
+    """Judges readings by the table of interlocks; remembers what hysteresis and hold-off need.
+
+    Parameters
+    ----------
+    table : tuple of Interlock
+    clock : Clock
+    """
+
+    def __init__(self, table: tuple[Interlock, ...], clock: Clock) -> None:
+        self._lamps = [_Lamp(interlock) for interlock in table]
+        self._clock = clock
+
+    def why(self) -> list[str]:
+        """Get what holds the run now, each with value, band and what to do; empty when all is well."""
+        return [f"{lamp.interlock.name}: {lamp.words}" for lamp in self._lamps if lamp.tripped]
+
+    def judge(self, readings: Readings, *, emitting: bool) -> None:
+        """Take readings; raise for the gravest interlock that does not hold.
+
+        Raises
+        ------
+        InterlockTripped
+            With its ``action``; ``off`` before ``abort`` before ``suspend``.
+        """
+        now_s = self._clock.now()
+        for lamp in self._lamps:
+            value = lamp.interlock.quantity(readings)
+            if lamp.interlock.emitting_only and not emitting:
+                lamp.clear()
+            elif value is not None:
+                lamp.take(value, now_s)
+        for action in ("off", "abort", "suspend"):
+            for lamp in self._lamps:
+                if lamp.tripped and lamp.interlock.action == action:
+                    raise InterlockTripped(lamp.interlock.name, lamp.words, action=action)
+
+    def clear(self) -> None:
+        """Forget everything, for a new run."""
+        for lamp in self._lamps:
+            lamp.clear()

@@ -1,0 +1,99 @@
+"""What people and signals ask of a run: a queue that any thread may fill and one thread empties."""
+
+from __future__ import annotations
+
+import queue
+from typing import Literal
+
+from instrument.errors import InterlockTripped
+
+Request = Literal["finish", "pause", "resume", "abort", "interrupt", "emergency off"]
+REASONS: dict[str, str] = {"abort": "aborted", "interrupt": "interrupted", "finish": "finished early"}
+
+
+class EndScan(Exception):
+    """Leave the scanning loop here, for the reason given."""
+
+
+class Requests:
+    """The queue, and what each request means at a place, between two lines, and while the laser is off."""
+
+    def __init__(self) -> None:
+        self._queue: queue.SimpleQueue[Request] = queue.SimpleQueue()
+
+    def put(self, what: Request) -> None:
+        """Ask; returns at once, from any thread or signal handler."""
+        self._queue.put(what)
+
+    def waiting(self) -> bool:
+        """Get whether something was asked for."""
+        return not self._queue.empty()
+
+    def at_place(self) -> None:
+        """Obey what cannot wait for the end of the line; the rest stays in the queue.
+
+        Raises
+        ------
+        EndScan
+            For ``abort`` and ``interrupt``.
+        InterlockTripped
+            For ``emergency off``.
+        """
+        for asked in self._take():
+            self._obey(asked)
+            if asked != "resume":  # nothing rests at a place
+                self.put(asked)
+
+    def at_line(self) -> bool:
+        """Obey everything; returns whether a pause was asked for.
+
+        Raises
+        ------
+        EndScan, InterlockTripped
+            As `at_place`, and `EndScan` for ``finish``.
+        """
+        asked = self._take()
+        for what in asked:
+            self._obey(what)
+        if "finish" in asked:
+            raise EndScan(REASONS["finish"])
+        return "pause" in asked and "resume" not in asked[asked.index("pause") :]
+
+    def at_rest(self) -> bool:
+        """Obey what was asked while the laser is off; returns whether to go on.
+
+        Raises
+        ------
+        EndScan, InterlockTripped
+            As `at_line`.
+        """
+        asked = self._take()
+        for what in asked:
+            self._obey(what)
+        if "finish" in asked:
+            raise EndScan(REASONS["finish"])
+        return "resume" in asked
+
+    def stop_asked(self) -> bool:
+        """Get whether any way to end was asked for; for work without light.
+
+        Raises
+        ------
+        InterlockTripped
+            For ``emergency off``.
+        """
+        try:
+            self.at_rest()
+        except EndScan:
+            return True
+        return False
+
+    def _take(self) -> list[Request]:
+        return [self._queue.get() for _ in range(self._queue.qsize())]
+
+    @staticmethod
+    def _obey(asked: Request) -> None:
+        if asked == "emergency off":
+            raise InterlockTripped("emergency off", "asked for by the operator; acknowledge to go on", action="off")
+        if asked in ("abort", "interrupt"):
+            raise EndScan(REASONS[asked])

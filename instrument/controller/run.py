@@ -1,0 +1,273 @@
+"""One scan from the first look at the interlocks to the verified safe state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from drivers.errors import DeviceFault
+from drivers.interfaces import Identity
+from instrument.bench import Bench
+from instrument.controller.disk import lines_left, refuse_small_disk
+from instrument.controller.job import LineStore, ScanJob, ScanOutcome, Sink
+from instrument.controller.machine import StateMachine
+from instrument.controller.recovery import LIMIT_S, LINK_ERRORS, bring_back, waits
+from instrument.controller.requests import EndScan, Requests
+from instrument.controller.safety import make_safe
+from instrument.controller.supervision import Supervisor
+from instrument.errors import InterlockTripped
+from instrument.scan_line import ScanLine
+from instrument.settings import Settings
+
+PAUSE_POLL_S = 0.1
+SETTLE_POLL_S = 0.2
+SETTLED_FOR_S = 2.0  # the heat of the light takes a moment to show at the diode's sensor
+SUSPEND_LIMIT_S = 600.0
+SUSPENSIONS_PER_LINE = 3  # a line that is broken off again and again is not worth another try
+
+
+@dataclass
+class Station:
+    """What a scan works with; owned by the controller."""
+
+    bench: Bench
+    settings: Settings
+    machine: StateMachine
+    supervisor: Supervisor
+    requests: Requests
+    known: Mapping[str, Identity]
+    log: Any
+
+
+class ScanRun:
+    """Takes the lines of a job one after the other; knows how to wait, to come back, and to leave.
+
+    Parameters
+    ----------
+    station : Station
+    job : ScanJob
+    store : LineStore
+        Each line is stored before it is handed on.
+    sinks : list of callables
+        Get each stored line; one that raises is left out from then on.
+    """
+
+    def __init__(self, station: Station, job: ScanJob, store: LineStore, sinks: list[Sink]) -> None:
+        self.outcome = ScanOutcome()
+        self._station = station
+        self._bench = station.bench
+        self._clock = station.bench.clock
+        self._job = job
+        self._store = store
+        self._sinks = sinks
+        self._began_s = self._clock.now()
+        self._settled = False
+
+    def run(self) -> ScanOutcome:
+        """Take all lines; whatever happens, leave by the safe way out and write its outcome down.
+
+        Raises
+        ------
+        InterlockTripped, DeviceError, RecordingError
+            After the safe way out, with the state at ``fault`` (or still ``ready``, when it was refused before light).
+        """
+        machine = self._station.machine
+        try:
+            if self._job.rows:
+                self._begin()
+            for row in self._job.rows:
+                self._keep(self._take(row))
+        except EndScan as end:
+            self.outcome.stop_reason = str(end)
+            self._leave(None)
+        except BaseException as error:
+            self.outcome.stop_reason = f"{type(error).__name__}: {error}"
+            refused = machine.state == "ready" and isinstance(error, InterlockTripped) and error.action != "off"
+            try:
+                self._leave(error)
+            finally:
+                if not refused:
+                    machine.fail(str(error) or type(error).__name__)
+                self._close_store()
+            raise
+        else:
+            self._leave(None)
+        if not self.outcome.safe.laser_off_verified:
+            machine.fail(str(self.outcome.safe))
+            self._close_store()
+            return self.outcome
+        if machine.state != "ready":
+            machine.go("end_scan")
+        self._write_end()
+        return self.outcome
+
+    # ---- light
+
+    def _begin(self) -> None:
+        refuse_small_disk(self._job, self._store)
+        self._wait_for_interlocks()
+        self._bench.sampler.configure(self._job.sweep)
+        self._light_on("start_scan")
+
+    def _light_on(self, verb: str) -> None:
+        """Everything but the gate first, so that the gate is open only in ``scanning``."""
+        self._station.supervisor.start_beating()
+        if self._bench.sampler.status().gate == "locked":  # all interlocks hold, and a person or a recovery wants light
+            self._bench.sampler.clear_lockout()
+        self._bench.pulser.on()
+        self._station.machine.go(verb, self._bench.sampler.gate_on)
+        self._store.event(self._clock.now(), "laser on", state=self._station.machine.state)
+        self._settled = False
+
+    def _settle(self) -> None:
+        """Wait until the diode, warmed by its own light, is at its working point: one and the same for all lines."""
+        if self._settled:
+            return
+        diode = self._station.settings.diode
+        end = self._clock.now() + diode.settle_limit_s
+        inside_since_s = self._clock.now()
+        while self._clock.now() - inside_since_s < SETTLED_FOR_S:
+            if self._clock.now() >= end:
+                self._station.log.warning("working point not reached", limit_s=diode.settle_limit_s)
+                self._store.event(self._clock.now(), "working point not reached")
+                break
+            self._between()
+            if abs(self._bench.diode.status().temperature_degc - diode.target_degc) > diode.settled_k:
+                inside_since_s = self._clock.now()
+            self._clock.sleep(SETTLE_POLL_S)
+        self._settled = True
+
+    # ---- lines
+
+    def _take(self, row: int) -> ScanLine:
+        """Take one line, again after each wait; a line that was broken off is dropped whole."""
+        suspensions = 0
+        while True:
+            try:
+                if self._station.requests.at_line():
+                    self._pause()
+                self._settle()
+                self._look(emitting=True)
+                line = self._job.take_line(row, self._bench.galvo, self._bench.sampler, self._between)
+                self._station.supervisor.judge_line(self._job.reference_mv)
+                return line
+            except DeviceFault:
+                self._look(emitting=True)  # names the interlock behind it, if there is one
+                raise
+            except (InterlockTripped, *LINK_ERRORS) as cause:
+                suspensions += 1
+                grave = isinstance(cause, InterlockTripped) and cause.action != "suspend"
+                if grave or suspensions > SUSPENSIONS_PER_LINE:
+                    raise
+                self._suspend(cause)
+
+    def _keep(self, line: ScanLine) -> None:
+        self._store.append(line, acknowledged_at_s=self._clock.now())
+        self.outcome.count(line)
+        for sink in list(self._sinks):
+            try:
+                sink(line)
+            except Exception as error:  # noqa: BLE001 - a viewer may fail in any way; the beam and the recording go on
+                self._sinks.remove(sink)
+                self._station.log.error("sink failed and is left out", line=line.index, error=repr(error))
+
+    def _between(self) -> None:
+        self._station.requests.at_place()
+        self._station.supervisor.look()
+
+    def _look(self, *, emitting: bool) -> None:
+        self._station.supervisor.look_at_all(emitting=emitting, disk_lines=lambda: lines_left(self._job, self._store))
+
+    # ---- waiting without light
+
+    def _pause(self) -> None:
+        """Laser off between two lines until somebody asks to go on (or to end)."""
+        self._go_dark("pause", None)
+        while not self._station.requests.at_rest():
+            self._clock.wait(self._station.requests.waiting, PAUSE_POLL_S)
+        self._wait_for_interlocks()
+        self._light_on("resume")
+
+    def _suspend(self, cause: Exception) -> None:
+        """Laser off until links and interlocks are well again, or the limit has passed."""
+        self.outcome.suspended.append(str(cause))
+        self._go_dark("suspend", cause)
+        limit_s = LIMIT_S if isinstance(cause, LINK_ERRORS) else SUSPEND_LIMIT_S
+        end = self._clock.now() + limit_s
+        for wait_s in waits():
+            self._rest(wait_s)
+            try:
+                bring_back(self._bench, self._station.settings, self._job.sweep, self._station.known, self._station.log)
+                self._look(emitting=False)
+                self._light_on("recover")
+                return
+            except LINK_ERRORS as lost:
+                if self._station.machine.state != "suspended" or self._clock.now() >= end:
+                    raise
+                self._station.supervisor.stop_beating()
+                self._station.log.info("link still away", cause=str(lost))
+            except InterlockTripped as held:
+                if held.action != "suspend" or self._clock.now() >= end:
+                    raise
+
+    def _wait_for_interlocks(self) -> None:
+        """Wait, without light, for the interlocks that may come back by themselves."""
+        end = self._clock.now() + SUSPEND_LIMIT_S
+        while True:
+            try:
+                self._look(emitting=False)
+                return
+            except InterlockTripped as held:
+                if held.action != "suspend":
+                    raise
+                if self._clock.now() >= end:
+                    raise InterlockTripped(held.interlock, f"{held}; for {SUSPEND_LIMIT_S:g} s") from held
+                self._rest(1.0)
+
+    def _rest(self, wait_s: float) -> None:
+        self._clock.wait(self._station.requests.waiting, wait_s)
+        self._station.requests.at_place()
+
+    def _go_dark(self, verb: str, cause: Exception | None) -> None:
+        self._station.supervisor.stop_beating()
+        safe = make_safe(self._bench, blamed=self._bench.blamed(cause) if cause is not None else "")
+        self._station.machine.go(verb)
+        self._store.event(
+            self._clock.now(), verb, state=self._station.machine.state, cause=str(cause or ""), **safe.steps
+        )
+        self._station.log.warning(verb, cause=str(cause or ""), safe=str(safe))
+        if not safe.laser_off_verified:
+            raise InterlockTripped(verb, str(safe), action="off")
+
+    # ---- the way out
+
+    def _leave(self, error: BaseException | None) -> None:
+        self._station.supervisor.stop_beating()
+        decided_s = self._clock.now()
+        blamed = self._bench.blamed(error) if error is not None else ""
+        everything = isinstance(error, InterlockTripped) and error.action == "off"
+        self.outcome.safe = make_safe(self._bench, blamed=blamed, diode_off=everything)
+        self.outcome.dark_s = self._clock.now() - decided_s
+        self.outcome.device_time_s = self._clock.now() - self._began_s
+        level = self._station.log.info if self.outcome.safe.laser_off_verified else self._station.log.critical
+        level("scan ended", reason=self.outcome.stop_reason, safe=str(self.outcome.safe), lines=self.outcome.lines)
+
+    def _close_store(self) -> None:
+        """Write down a failed scan as far as the store can; the failure that ended the scan is the one to raise."""
+        try:
+            self._write_end()
+        except Exception as error:  # noqa: BLE001 - must not hide the failure that is being raised
+            self._station.log.error("the end of the scan could not be recorded", error=repr(error))
+
+    def _write_end(self) -> None:
+        outcome = self.outcome
+        state = self._station.machine.state
+        self._store.event(self._clock.now(), "safe state", state=state, **outcome.safe.steps)
+        self._store.finish(
+            outcome.stop_reason,
+            laser_off_verified=outcome.safe.laser_off_verified,
+            device_time_s=outcome.device_time_s,
+            flags=dict(outcome.flags),
+            suspended=outcome.suspended,
+        )
