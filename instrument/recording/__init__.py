@@ -2,8 +2,8 @@
 
 from instrument.recording.cloud import Cloud
 from instrument.recording.errors import RecordingError
+from instrument.recording.findings import Event, LineCheck
 from instrument.recording.header import digest, plain, versions
-from instrument.recording.reader import Event, LineCheck
 from instrument.recording.recording import Recording
 
 __all__ = ["Cloud", "Event", "LineCheck", "Recording", "RecordingError", "digest", "plain", "versions"]

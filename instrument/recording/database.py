@@ -84,6 +84,7 @@ def create_database(path: Path, header: str) -> sqlite3.Connection:
         connection.executescript(SCHEMA)
         row = (header, zlib.crc32(header.encode()))
         connection.execute("INSERT INTO scan (id, header, header_crc32) VALUES (1, ?, ?)", row)
+        connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")  # header and tables are in the file itself from now on
         sync_folder(path.parent)
     except (sqlite3.Error, OSError) as error:
         for leftover in (path, Path(f"{path}-wal"), Path(f"{path}-shm")):
@@ -108,7 +109,7 @@ def open_database(path: Path, *, writing: bool) -> sqlite3.Connection:
         connection, application, layout = _open_known(path, "rw" if writing else "ro")
     except sqlite3.Error as error:
         if getattr(error, "sqlite_errorcode", 0) != sqlite3.SQLITE_READONLY_ROLLBACK:
-            raise from_sqlite(path, error) from error
+            raise _not_opened(path, error) from error
         connection, application, layout = _open_after_recovery(path)
     if application != APPLICATION_ID or layout > LAYOUT:
         connection.close()
@@ -136,7 +137,16 @@ def _open_after_recovery(path: Path) -> tuple[sqlite3.Connection, int, int]:
         _open_known(path, "rw")[0].close()
         return _open_known(path, "ro")
     except sqlite3.Error as error:
-        raise from_sqlite(path, error) from error
+        raise _not_opened(path, error) from error
+
+
+def _not_opened(path: Path, error: sqlite3.Error) -> RecordingError:
+    """A scan that was never closed can only be read where SQLite may write beside it."""
+    closed_off = primary_code(error) in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY)
+    if closed_off and not os.access(path.parent, os.W_OK):
+        remedy = f"copy it, together with {path.name}-wal, to a folder that you may write to"
+        return RecordingError(path, "the scan was never closed, and its folder is read-only", remedy)
+    return from_sqlite(path, error)
 
 
 def _connect(path: Path, mode: str) -> sqlite3.Connection:

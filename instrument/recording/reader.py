@@ -7,7 +7,6 @@ import sqlite3
 import threading
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -18,30 +17,8 @@ from numpy.typing import NDArray
 from instrument.recording import rows
 from instrument.recording.cloud import Cloud, cloud_of
 from instrument.recording.errors import RecordingError, from_sqlite
+from instrument.recording.findings import Event, LineCheck
 from instrument.scan_line import ScanLine
-
-
-@dataclass(frozen=True)
-class Event:
-    """What happened during a scan: a change of state, an alarm, a read-back."""
-
-    time_s: float
-    kind: str
-    state: str | None
-    fields: dict[str, Any]
-
-
-@dataclass(frozen=True)
-class LineCheck:
-    """Whether a line can be relied on; `problem` says what is wrong."""
-
-    index: int
-    problem: str = ""
-
-    @property
-    def ok(self) -> bool:
-        """Get whether the line is whole."""
-        return not self.problem
 
 
 class Reader:
@@ -144,8 +121,7 @@ class Reader:
     def summary(self) -> dict[str, Any]:
         """Get the figures given to `finish`."""
         text = self._value("SELECT summary FROM scan")
-        found: dict[str, Any] = {} if text is None else json.loads(text)
-        return found
+        return {} if text is None else self._json(text, "the summary")
 
     @property
     def complete(self) -> bool:
@@ -221,7 +197,7 @@ class Reader:
     def events(self) -> list[Event]:
         """Return what happened, in order."""
         found = self._rows("SELECT t, kind, state, data FROM event ORDER BY id")
-        return [Event(t, kind, state, json.loads(data)) for t, kind, state, data in found]
+        return [Event(t, kind, state, self._json(data, "an event")) for t, kind, state, data in found]
 
     def _read_header(self) -> dict[str, Any]:
         found = self._rows("SELECT header, header_crc32 FROM scan")
@@ -230,8 +206,16 @@ class Reader:
         text, crc = found[0]
         if zlib.crc32(text.encode()) != crc:
             raise RecordingError(self.path, "the check sum of the header does not fit", "restore it from a copy")
-        header: dict[str, Any] = json.loads(text)
-        return header
+        return self._json(text, "the header")
+
+    def _json(self, text: str, what: str) -> dict[str, Any]:
+        try:
+            content = json.loads(text)
+        except ValueError as error:
+            raise RecordingError(self.path, f"{what} is damaged ({error})", "restore it from a copy") from error
+        if not isinstance(content, dict):
+            raise RecordingError(self.path, f"{what} is damaged", "restore it from a copy")
+        return content
 
     def _rows(self, query: str) -> list[Any]:
         try:

@@ -59,8 +59,7 @@ class Recording(Reader):
             text = canonical(complete_header(header))
         except ValueError as error:
             raise RecordingError(file, str(error)) from error
-        connection = create_database(file, text)
-        return cls(file, connection, WriterLock(file))
+        return cls(file, create_database(file, text), WriterLock(file))
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> Self:
@@ -164,10 +163,7 @@ class Recording(Reader):
         RecordingError
             If it could not be written.
         """
-        try:
-            data = canonical(fields)
-        except ValueError as error:
-            raise RecordingError(self.path, f"event '{kind}': {error}") from error
+        data = self._text(f"event '{kind}'", fields)
         with self._transaction():
             self._connection.execute(
                 "INSERT INTO event (t, kind, state, data) VALUES (?, ?, ?, ?)", (float(time_s), kind, state, data)
@@ -196,10 +192,7 @@ class Recording(Reader):
         RecordingError
             If it could not be written.
         """
-        try:
-            figures = canonical(summary)
-        except ValueError as error:
-            raise RecordingError(self.path, f"summary: {error}") from error
+        figures = self._text("summary", summary)
         with self._lock:
             with self._transaction():
                 self._connection.execute(
@@ -213,6 +206,12 @@ class Recording(Reader):
                 raise self._failure(error, None) from error
             finally:
                 self._release()
+
+    def _text(self, name: str, content: dict[str, object]) -> str:
+        try:
+            return canonical(content)
+        except ValueError as error:
+            raise RecordingError(self.path, f"{name}: {error}") from error
 
     @contextmanager
     def _transaction(self, line: int | None = None) -> Iterator[None]:

@@ -173,6 +173,17 @@ def test_a_reader_sees_lines_while_they_are_written_and_never_checkpoints(path: 
         assert wal.stat().st_size > len(before)
 
 
+def test_a_copy_without_the_log_is_a_scan_without_lines(path: Path, tmp_path: Path) -> None:
+    with Recording.create(path, HEADER) as recording:
+        recording.append(make_line(0))
+        copied = tmp_path / "copied.db"
+        copied.write_bytes(path.read_bytes())
+        with Recording.open(copied) as alone:
+            assert alone.done == []
+            assert alone.header == recording.header
+            assert not alone.complete
+
+
 def test_finish_while_somebody_reads_keeps_all(path: Path) -> None:
     with Recording.create(path, HEADER) as recording:
         recording.append(make_line(0))
@@ -234,6 +245,35 @@ def test_a_damaged_line_is_told_skipped_and_scanned_again(path: Path, table: str
         assert recording.events()[0].kind == "line taken out"
         recording.append(make_line(2))
         assert all(check.ok for check in recording.check())
+
+
+@pytest.mark.parametrize("damage", ["bit", "page", "end"])
+def test_a_damaged_page_never_gives_wrong_points_nor_a_stack_trace(tmp_path: Path, damage: str) -> None:
+    write(tmp_path / "good.db")
+    good = (tmp_path / "good.db").read_bytes()
+    rng = np.random.default_rng(4)
+    told = 0
+    for start in range(0, len(good), 4096):
+        content = bytearray(good)
+        if damage == "bit":
+            content[start + int(rng.integers(4096))] ^= 1 << int(rng.integers(8))
+        elif damage == "page":
+            content[start : start + 4096] = rng.bytes(4096)
+        else:
+            del content[start:]
+        path = tmp_path / "damaged.db"
+        path.write_bytes(content)
+        try:
+            with Recording.open(path) as recording:
+                told += not all(check.ok for check in recording.check())
+                lines = list(recording.lines(skip_damaged=True))
+                recording.events()
+                assert recording.summary is not None
+        except RecordingError:
+            told += 1
+            continue
+        assert all(same(line, make_line(line.index)) for line in lines)
+    assert told > 0
 
 
 def test_a_line_twice_or_outside_the_raster_is_refused_and_the_rest_stays(path: Path) -> None:
