@@ -6,32 +6,14 @@ are sorted out and counted. The supply has no watchdog: a lost host is covered b
 
 from __future__ import annotations
 
-from enum import IntEnum
-
 from drivers.controls import Control, Reading
 from drivers.errors import DeviceFault, ProtocolError
 from drivers.genesys_session import LATE_S, GenesysSession
-from drivers.genesys_wire import END, Fault, Look, Status, parse_look, parse_rating
+from drivers.genesys_wire import END, Fault, Filter, Look, Remote, Status, parse_look, parse_rating
 from drivers.interfaces import Identity
 from drivers.serial_link import SerialLink
 
 BAUD = 9600
-
-
-class Filter(IntEnum):
-    """Measuring filters (``FILTER``), in Hz."""
-
-    HZ_18 = 18
-    HZ_23 = 23
-    HZ_46 = 46
-
-
-class Remote(IntEnum):
-    """Who may operate the supply (``RMT``): the panel, the host and the panel's key, the host alone."""
-
-    LOC = 0
-    REM = 1
-    LLO = 2
 
 
 class Genesys(GenesysSession):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from enum import IntFlag
+from enum import IntEnum, IntFlag
 
 END = b"\r"
 
@@ -51,6 +51,22 @@ class Status(IntFlag):
     AUTO_START = 0x10
     FOLDBACK_ENABLED = 0x20
     LOCAL = 0x80
+
+
+class Filter(IntEnum):
+    """Measuring filters (``FILTER``), in Hz."""
+
+    HZ_18 = 18
+    HZ_23 = 23
+    HZ_46 = 46
+
+
+class Remote(IntEnum):
+    """Who may operate the supply (``RMT``): the panel, the host and the panel's key, the host alone."""
+
+    LOC = 0
+    REM = 1
+    LLO = 2
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from drivers.serial_link import SerialLink
 BAUD = 57600
 MODELS = {1089: "TEC-1089", 1091: "TEC-1091"}
 START_UP_S = 5.0
+WATCHDOG_EXPIRED = 183
 
 
 def _control(number: int, doc: str, unit: str) -> Control[int, float]:
@@ -81,6 +82,7 @@ class Tec:
     current_threshold_a = _control(2032, "Control the current that makes an error in A (float from 0 to 5.6).", "A")
     voltage_threshold_v = _control(2033, "Control the voltage that makes an error in V (float from 0 to 25).", "V")
     reply_delay_us = Control(2052, int, "Control the delay of answers in us (int from 0 to 1e6).", limits=(0, 1e6))
+    host_watchdog_s = _control(2060, "Control after what silence of the host it stops, in s (float; 0: never).", "s")
     live_enable = Control(50000, bool, "Control the output in mode `OutputEnable.LIVE` (bool).", limits=(0, 1))
     output_stage_input = Control(2000, OutputStageInput, "Control what drives the output (`OutputStageInput`).")
     output_enable = Control(2010, OutputEnable, "Control the output (`OutputEnable`).")
@@ -97,7 +99,8 @@ class Tec:
     def open(self) -> None:
         """Open the line, make sure that a TEC answers, switch its output off and arm its watchdog.
 
-        A latched error is reported by `status`, and left by `reset`.
+        An error that its watchdog has left, because an earlier host went away, is reset: it did its duty. Any
+        other latched error is reported by `status`, and left by `reset`.
 
         Raises
         ------
@@ -110,9 +113,10 @@ class Tec:
         """
         self.link.open()
         self.identify()
-        self.flash_saving_off = True
+        if self.error_number == WATCHDOG_EXPIRED:
+            self.reset()
+        self._set_up()
         self.off()
-        self.session.set(2060, self.watchdog_s, instance=1)
 
     def close(self) -> None:
         """Switch the output and the watchdog off, and close the line; harmless when it is closed.
@@ -125,7 +129,7 @@ class Tec:
         try:
             if self.link.is_open:
                 self.off()
-                self.session.set(2060, 0.0, instance=1)
+                self.host_watchdog_s = 0.0
         finally:
             self.link.close()
 
@@ -207,8 +211,7 @@ class Tec:
                 if clock.now() > end:
                     raise
             clock.sleep(0.1)
-        self.flash_saving_off = True
-        self.session.set(2060, self.watchdog_s, instance=1)
+        self._set_up()
 
     def get_number(self, key: int) -> float:
         """Ask for one parameter."""
@@ -220,6 +223,10 @@ class Tec:
 
     def _instance_of(self, key: int) -> int:
         return 1 if PARAMETERS[key].common else self.instance
+
+    def _set_up(self) -> None:
+        self.flash_saving_off = True
+        self.host_watchdog_s = self.watchdog_s
 
     def _switch(self, wanted: OutputEnable) -> None:
         self.output_enable = wanted

@@ -21,6 +21,7 @@ from drivers.tc200_wire import (
     Status,
     encode,
     read_gains,
+    read_status,
     read_temperature,
     refusal_in,
     split_answer,
@@ -128,7 +129,7 @@ class TC200:
     @property
     def status_bits(self) -> Status:
         """Get the status byte (`Status`)."""
-        return self._read("stat?", lambda answer: Status(_byte(answer)))
+        return self._read("stat?", read_status)
 
     def select_sensor(self, sensor: Sensor) -> None:
         """Choose the temperature sensor."""
@@ -252,10 +253,3 @@ class TC200:
         except ValueError as error:
             self._in_step = False
             raise ProtocolError(self.device, f"answered {answer!r} to {text}: {error}") from error
-
-
-def _byte(answer: str) -> int:
-    value = read_number(answer)
-    if value != int(value) or not 0 <= value <= 255:
-        raise ValueError(f"{answer!r} is no byte")
-    return int(value)

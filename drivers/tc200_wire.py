@@ -102,3 +102,17 @@ def read_gains(answer: str) -> tuple[int, int, int]:
         raise ValueError(f"{answer!r} are no three gains")
     p, i, d = (int(part) for part in answer.split(" "))
     return p, i, d
+
+
+def read_status(answer: str) -> Status:
+    """Read the answer to ``stat?``: a decimal number of one byte.
+
+    Raises
+    ------
+    ValueError
+        When it is none.
+    """
+    value = read_number(answer)
+    if value != int(value) or not 0 <= value <= 255:
+        raise ValueError(f"{answer!r} is no byte")
+    return Status(int(value))

@@ -13,7 +13,7 @@ from functools import partial
 
 from drivers.clock import Clock
 from sim.firmware.dg645_registers import OPC, Refused, Registers
-from sim.firmware.dg645_settings import SETTINGS, Settings, integer, number
+from sim.firmware.dg645_settings import SETTINGS, Settings, channel, integer, number
 from sim.firmware.dg645_triggers import TriggerEngine
 from sim.firmware.lines import LineReader
 from sim.wires import InterlockChain, TriggerLine
@@ -151,8 +151,8 @@ class Dg645Firmware:
             "*ESR": _Query((0, 1), self._read_esr),
             "INSR": _Query((0, 1), self._read_insr),
             "LERR": _Query((0, 0), lambda _: str(self.registers.take_error())),
-            "DLAY": _Query((1, 1), lambda p: self.settings.delays.text(_channel(p[0]))),
-            "LINK": _Query((1, 1), lambda p: self.settings.delays.text(_channel(p[0])).split(",")[0]),
+            "DLAY": _Query((1, 1), lambda p: self.settings.delays.text(channel(p[0]))),
+            "LINK": _Query((1, 1), lambda p: self.settings.delays.text(channel(p[0])).split(",")[0]),
             "TIMB": _Query((0, 0), lambda _: "0"),
             "DISP": _Query((0, 0), lambda _: self._display),
         }
@@ -174,23 +174,21 @@ class Dg645Firmware:
         return str(self.registers.masks[name])
 
     def _set_delay(self, parameters: list[str]) -> None:
-        self._change_delay(integer(parameters[0]), integer(parameters[1]), number(parameters[2]))
+        self._change_delay(channel(parameters[0]), channel(parameters[1]), number(parameters[2]))
 
     def _set_link(self, parameters: list[str]) -> None:
-        self.settings.delays.link(_channel(parameters[0]), _channel(parameters[1]))
+        self.settings.delays.link(channel(parameters[0]), channel(parameters[1]))
 
     def _step(self, parameters: list[str]) -> None:
-        channel, up = _channel(parameters[0]), integer(parameters[1])
-        if channel not in self.settings.delays.reference or up not in (0, 1):
+        moved, up = channel(parameters[0]), integer(parameters[1])
+        delays = self.settings.delays
+        if moved not in delays.reference or up not in (0, 1):
             raise Refused(ILLEGAL_VALUE)
-        step = self.settings.values["SSDL", channel] * (1 if up else -1)
-        now = Decimal(self.settings.delays.delay_ps[channel]) / 10**12
-        self._change_delay(channel, self.settings.delays.reference[channel], now + step)
+        step = self.settings.values["SSDL", moved] * (1 if up else -1)
+        self._change_delay(moved, delays.reference[moved], Decimal(delays.delay_ps[moved]) / 10**12 + step)
 
-    def _change_delay(self, channel: int, reference: int, delay_s: Decimal) -> None:
-        if not all(0 <= c <= 9 for c in (channel, reference)):
-            raise Refused(ILLEGAL_VALUE)
-        self.settings.delays.set(channel, reference, delay_s)
+    def _change_delay(self, moved: int, reference: int, delay_s: Decimal) -> None:
+        self.settings.delays.set(moved, reference, delay_s)
         if self._triggers.running:
             self.registers.insr |= ABORTED  # a change of delay during a cycle aborts that cycle
 
@@ -225,31 +223,24 @@ class Dg645Firmware:
     def _read_stb(self, parameters: list[str]) -> str:
         self._triggers.look()
         burst = bool(self.settings.get("BURM")) and self._triggers.running
-        return _bit(self.registers.status_byte(busy=self._triggers.running, burst=burst), parameters)
+        return self._bits(lambda mask: self.registers.status_byte(self._triggers.running, burst) & mask, parameters)
 
     def _read_esr(self, parameters: list[str]) -> str:
-        return _bit(self.registers.take_esr(), parameters)
+        return self._bits(self.registers.take_esr, parameters)
 
     def _read_insr(self, parameters: list[str]) -> str:
         self._triggers.look()
-        return _bit(self.registers.take_insr(), parameters)
+        return self._bits(self.registers.take_insr, parameters)
 
-
-def _bit(value: int, parameters: list[str]) -> str:
-    """Write a register, or one bit of it where its number is given."""
-    if not parameters:
-        return str(value)
-    bit = integer(parameters[0])
-    if not 0 <= bit <= 7:
-        raise Refused(ILLEGAL_VALUE)
-    return str(value >> bit & 1)
-
-
-def _channel(text: str) -> int:
-    channel = integer(text)
-    if not 0 <= channel <= 9:
-        raise Refused(ILLEGAL_VALUE)
-    return channel
+    @staticmethod
+    def _bits(read: Callable[[int], int], parameters: list[str]) -> str:
+        """Write a register, or one bit of it where its number is given."""
+        if not parameters:
+            return str(read(0xFF))
+        bit = integer(parameters[0])
+        if not 0 <= bit <= 7:
+            raise Refused(ILLEGAL_VALUE)
+        return str(read(1 << bit) >> bit)
 
 
 def _check_count(parameters: list[str], allowed: tuple[int, int]) -> None:

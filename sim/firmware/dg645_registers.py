@@ -45,17 +45,19 @@ class Registers:
         """Remove and return the oldest error; 0 for none."""
         return self._errors.popleft() if self._errors else 0
 
-    def take_esr(self) -> int:
-        """Return and clear the ESR."""
-        value, self.esr = self.esr, 0
+    def take_esr(self, mask: int) -> int:
+        """Return the bits of the ESR that are asked for, and clear these."""
+        value = self.esr & mask
+        self.esr &= ~mask
         return value
 
-    def take_insr(self) -> int:
-        """Return and clear the INSR."""
-        value, self.insr = self.insr, 0
+    def take_insr(self, mask: int) -> int:
+        """Return the bits of the INSR that are asked for, and clear these."""
+        value = self.insr & mask
+        self.insr &= ~mask
         return value
 
-    def status_byte(self, *, busy: bool, burst: bool) -> int:
+    def status_byte(self, busy: bool, burst: bool) -> int:
         """Compute the STB from the registers and their masks."""
         stb = bool(self.insr & self.masks["INSE"]) | busy << 1 | burst << 2 | bool(self.esr & self.masks["*ESE"]) << 5
         return stb | bool(stb & self.masks["*SRE"]) << 6

@@ -124,6 +124,14 @@ def integer(text: str) -> int:
     return value
 
 
+def channel(text: str) -> int:
+    """Read the number of a delay channel."""
+    value = integer(text)
+    if not 0 <= value <= 9:
+        raise Refused(ILLEGAL_VALUE)
+    return value
+
+
 def _check_length(text: str) -> None:
     if not text:
         raise Refused(EMPTY)

@@ -8,15 +8,14 @@ from collections.abc import Callable
 from drivers.clock import Clock
 from drivers.genesys_wire import END, Fault, Status, parse_rating
 from sim.firmware.genesys_supply import FILTERS_HZ, LOCAL, LOCKED_OUT, REMOTE, GenesysSupply, Refused
+from sim.firmware.genesys_text import checksum, number, on_off, switch, two_hex_digits, without_backspaces
 from sim.firmware.lines import LineReader
 from sim.wires import InterlockChain
 
 ANSWER_S = 0.010
 LONGEST_MESSAGE = 64
-LONGEST_NUMBER = 12
 REMOTES = {"0": LOCAL, "1": REMOTE, "2": LOCKED_OUT, LOCAL: LOCAL, REMOTE: REMOTE, LOCKED_OUT: LOCKED_OUT}
 TAKES_REMOTE = ("PV", "PC", "OUT", "RST")
-_NUMBER = re.compile(r"\d+\.?\d*|\.\d+")
 _MESSAGE = re.compile(r"([A-Z]+)(\?)?(?: +(\S+))?")
 
 
@@ -72,16 +71,16 @@ class GenesysFirmware:
 
     def _take(self, line: bytes) -> None:
         """Answer one message, with a check sum if it has one; a unit that is not chosen stays silent."""
-        text = _without_backspaces(line.decode("latin-1"))
+        text = without_backspaces(line.decode("latin-1"))
         body, dollar, digits = text.rpartition("$") if "$" in text else (text, "", "")
         if len(line) > LONGEST_MESSAGE:
             reply = "C01"
-        elif dollar and digits.upper() != _checksum(body):
+        elif dollar and digits.upper() != checksum(body):
             reply = "C04"
         else:
             reply = self._answer(body.strip().upper())
         if self._selected:
-            self._reply(f"{reply}${_checksum(reply)}" if dollar else reply)
+            self._reply(f"{reply}${checksum(reply)}" if dollar else reply)
 
     def _answer(self, text: str) -> str:
         if text == "\\":
@@ -148,12 +147,12 @@ class GenesysFirmware:
             "DVC": self._all_values,
             "STT": self._state,
             "MODE": lambda: "OFF" if not supply.is_on else "CC" if supply.limits_current else "CV",
-            "OUT": lambda: _on_off(supply.is_on),
+            "OUT": lambda: on_off(supply.is_on),
             "OVP": lambda: f"{supply.settings.overvoltage_v:.2f}",
             "UVL": lambda: f"{supply.settings.undervoltage_v:.3f}",
-            "FLD": lambda: _on_off(supply.settings.foldback),
+            "FLD": lambda: on_off(supply.settings.foldback),
             "FBD": lambda: f"{supply.foldback_delay:02d}",
-            "AST": lambda: _on_off(supply.settings.auto_start),
+            "AST": lambda: on_off(supply.settings.auto_start),
             "FILTER": lambda: str(supply.filter_hz),
             "FENA": lambda: f"{registers.fault_mask:02X}",
             "SENA": lambda: f"{registers.status_mask:02X}",
@@ -174,14 +173,14 @@ class GenesysFirmware:
             "RCL": (False, lambda _: supply.recall()),
             "FBDRST": (False, lambda _: self._set_foldback_delay("0")),
             "RMT": (True, self._set_remote),
-            "PV": (True, lambda text: supply.set_voltage(_number(text), text)),
-            "PC": (True, lambda text: supply.set_current(_number(text), text)),
-            "OUT": (True, lambda text: supply.switch(_switch(text))),
-            "OVP": (True, lambda text: supply.set_overvoltage(_number(text))),
-            "UVL": (True, lambda text: supply.set_undervoltage(_number(text))),
-            "FLD": (True, lambda text: supply.change(foldback=_switch(text))),
+            "PV": (True, lambda text: supply.set_voltage(number(text), text)),
+            "PC": (True, lambda text: supply.set_current(number(text), text)),
+            "OUT": (True, lambda text: supply.switch(switch(text))),
+            "OVP": (True, lambda text: supply.set_overvoltage(number(text))),
+            "UVL": (True, lambda text: supply.set_undervoltage(number(text))),
+            "FLD": (True, lambda text: supply.change(foldback=switch(text))),
             "FBD": (True, self._set_foldback_delay),
-            "AST": (True, lambda text: supply.change(auto_start=_switch(text))),
+            "AST": (True, lambda text: supply.change(auto_start=switch(text))),
             "FILTER": (True, self._set_filter),
             "FENA": (True, self._enable_faults),
             "SENA": (True, self._enable_status),
@@ -219,10 +218,10 @@ class GenesysFirmware:
         self.supply.filter_hz = int(text)
 
     def _enable_faults(self, text: str) -> None:
-        self.supply.registers.fault_mask = Fault(_two_hex_digits(text))
+        self.supply.registers.fault_mask = Fault(two_hex_digits(text))
 
     def _enable_status(self, text: str) -> None:
-        self.supply.registers.status_mask = Status(_two_hex_digits(text))
+        self.supply.registers.status_mask = Status(two_hex_digits(text))
 
     def _announce(self) -> None:
         self._reply(f"!{self.address:02d}")
@@ -230,39 +229,3 @@ class GenesysFirmware:
     def _reply(self, text: str) -> None:
         if self._send is not None:
             self._send(text.encode("ascii") + END, ANSWER_S)
-
-
-def _checksum(text: str) -> str:
-    return f"{sum(text.encode('latin-1')) & 0xFF:02X}"
-
-
-def _without_backspaces(text: str) -> str:
-    kept: list[str] = []
-    for character in text:
-        if character != "\b":
-            kept.append(character)
-        elif kept:
-            kept.pop()
-    return "".join(kept)
-
-
-def _number(text: str) -> float:
-    if len(text) > LONGEST_NUMBER or not _NUMBER.fullmatch(text):
-        raise Refused("C03")
-    return float(text)
-
-
-def _switch(text: str) -> bool:
-    if text not in ("0", "1", "ON", "OFF"):
-        raise Refused("C03")
-    return text in ("1", "ON")
-
-
-def _on_off(on: bool) -> str:
-    return "ON" if on else "OFF"
-
-
-def _two_hex_digits(text: str) -> int:
-    if not re.fullmatch(r"[0-9A-F]{2}", text):
-        raise Refused("C03")
-    return int(text, 16)

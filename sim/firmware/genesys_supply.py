@@ -82,6 +82,7 @@ class GenesysSupply:
         self._output = Output(clock, rated_v)
         self._saved = self.settings
         self._folded = False
+        self._outside = Fault(0)
         self._foldback_timer: Timer | None = None
         interlock.on_change(self._interlock_changed)
         self._refresh()
@@ -104,6 +105,11 @@ class GenesysSupply:
     def limits_current(self) -> bool:
         """Get whether the current limit keeps the voltage below its set point."""
         return self.settings.current_a * LOAD_OHM < self.settings.voltage_v
+
+    def fail(self, fault: Fault) -> None:
+        """Let something go wrong (mains, heat, over-voltage, rear shut-off, panel); ``Fault(0)`` ends it."""
+        self._outside = fault
+        self._refresh()
 
     def set_voltage(self, volts: float, text: str) -> None:
         """Carry out ``PV``."""
@@ -178,7 +184,7 @@ class GenesysSupply:
         self._refresh()
 
     def _faults(self) -> Fault:
-        found = Fault(0)
+        found = self._outside
         if not self.interlock.closed:
             found |= Fault.INTERLOCK
         if self._folded:

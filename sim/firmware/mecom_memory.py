@@ -12,6 +12,7 @@ SAVING = 108
 
 # As the device was set up for this bench. Beyond 1.6 A the Joule heat in its Peltier element outweighs the cooling.
 DEFAULTS: dict[int, float] = {
+    2021: 4.0,
     2030: 1.6,
     2031: 21.0,
     2032: 5.6,

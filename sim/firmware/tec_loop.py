@@ -13,6 +13,7 @@ from sim.wires import HeatPump
 
 STEP_S = 0.1
 PELTIER_OHM = 2.0
+OVER_CURRENT, OVER_VOLTAGE = 100, 104
 TOO_COLD, TOO_HOT, TOO_FAST, NOT_STABLE_IN_TIME = 137, 138, 139, 182
 SLOWEST_RAMP = 0.1  # of the ramp, near the target
 
@@ -91,7 +92,8 @@ class TemperatureLoop:
             self._regulate(object_degc, slope)
             self._judge(object_degc)
         else:
-            self._drive(values[2020])
+            most = abs(values[2021]) / PELTIER_OHM
+            self._drive(max(-most, min(most, values[2020])))
 
     def _ramp(self) -> None:
         """Move the nominal temperature towards the target, slower within the proximity width."""
@@ -123,10 +125,14 @@ class TemperatureLoop:
     def _crossed(self, object_degc: float, slope: float) -> tuple[int, int] | None:
         if object_degc < self.values[4010]:
             return TOO_COLD, 4010
-        if object_degc > self.values[4011]:
+        if not object_degc <= self.values[4011]:  # a broken sensor reads no number
             return TOO_HOT, 4011
         if abs(slope) > self.values[4012]:
             return TOO_FAST, 4012
+        if abs(self.current_a) > self.values[2032]:
+            return OVER_CURRENT, 2032
+        if abs(self.current_a) * PELTIER_OHM > self.values[2033]:
+            return OVER_VOLTAGE, 2033
         return None
 
     def _drive(self, current_a: float) -> None:

@@ -311,3 +311,40 @@ def test_status_bits_and_masks(generator):
 
 def test_reply_end_can_be_changed(firmware, played):
     assert played(firmware, b"XTRM 10,0,0\n*OPC?\n") == b"1\n"
+
+
+def test_one_bit_of_a_register_is_cleared_alone(generator):
+    generator.trigger_rate_hz = 80e3
+    generator.start_triggers()
+    generator.link.clock.sleep(0.1)
+    assert generator.query("INSR? 0") == "1"
+    assert generator.query("INSR? 1") == "0"
+    generator.stop_triggers()
+    left = generator.instrument_status()
+    assert InstrumentStatus.END_OF_DELAY in left
+    assert generator.instrument_status() == InstrumentStatus(0)
+
+
+def test_burst_prescale_and_hold_off_shape_the_rate(generator, trigger):
+    generator.trigger_rate_hz = 1000
+    generator.start_triggers()
+    generator.burst_count = 10
+    generator.burst_period_s = 1e-5
+    generator.burst = True
+    assert trigger.rate_hz == 10e3
+    generator.burst = False
+    generator.output(Output.T0).prescale = 4
+    generator.output(Output.AB).prescale = 5
+    assert trigger.rate_hz == 1000
+    generator.advanced_triggering = True
+    assert trigger.rate_hz == 50
+    generator.output(Output.T0).prescale = 1
+    generator.output(Output.AB).prescale = 1
+    generator.hold_off_s = 2.5e-3
+    assert trigger.rate_hz == pytest.approx(1000 / 3)
+
+
+def test_change_of_delay_while_running_aborts_a_cycle(generator):
+    generator.start_triggers()
+    generator.set_delay(Channel.A, Channel.T0, 1e-7)
+    assert InstrumentStatus.DELAY_ABORTED in generator.instrument_status()

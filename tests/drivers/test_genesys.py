@@ -6,7 +6,7 @@ import pytest
 
 from drivers.errors import DeviceFault, LimitError, ProtocolError, Timeout
 from drivers.genesys import Genesys
-from drivers.genesys_wire import Fault, Status, checksum, decode, encode, parse_rating
+from drivers.genesys_wire import Fault, Filter, Remote, Status, checksum, decode, encode, parse_rating
 from sim.firmware.genesys import GenesysFirmware
 from sim.wires import InterlockChain
 
@@ -296,3 +296,57 @@ def test_rating_from_the_name():
 def test_address_out_of_range(scripted):
     with pytest.raises(LimitError, match="address 31 is outside 0 to 30"):
         Genesys(scripted([]), address=31)
+
+
+@pytest.mark.parametrize("fault", [Fault.AC_FAIL, Fault.OVER_TEMPERATURE, Fault.OVER_VOLTAGE, Fault.SHUT_OFF])
+def test_faults_switch_off_and_are_told(supply, firmware, fault):
+    supply.enable_events(Fault(0xFE), Status.FAULT)
+    supply.voltage_v = 290
+    supply.current_a = 0.1
+    supply.switch(on=True)
+    firmware.supply.fail(fault)
+    assert not supply.output
+    assert (supply.fault, supply.status) == (fault, Status.FAULT)
+    assert supply.unsolicited == 1
+    assert (supply.fault_events(), supply.status_events()) == (fault, Status.FAULT)
+    with pytest.raises(DeviceFault, match="E07"):
+        supply.switch(on=True)
+    firmware.supply.fail(Fault(0))
+    supply.switch(on=True)
+
+
+def test_saving_recalling_and_resetting(supply):
+    supply.overvoltage_v = 350
+    supply.voltage_v = 290
+    supply.current_a = 0.1
+    supply.filter_hz = Filter.HZ_46
+    supply.save()
+    supply.reset()
+    assert (supply.overvoltage_v, supply.voltage_v, supply.current_a) == (660, 0, 0)
+    supply.recall()
+    assert (supply.overvoltage_v, supply.voltage_v, supply.current_a) == (350, 290, 0.1)
+    supply.highest_overvoltage()
+    supply.foldback_delay = 20
+    supply.reset_foldback_delay()
+    supply.clear_events()
+    assert (supply.overvoltage_v, supply.foldback_delay, supply.filter_hz) == (660, 0, Filter.HZ_46)
+
+
+def test_who_may_operate_it(supply):
+    assert supply.remote is Remote.REM
+    supply.remote = Remote.LOC
+    assert Status.LOCAL in supply.status
+    supply.voltage_v = 10.0  # a setting takes it back
+    assert supply.remote is Remote.REM
+    supply.remote = Remote.LLO
+    assert supply.remote is Remote.LLO
+
+
+def test_auto_start_brings_the_output_back(supply, interlock):
+    supply.current_a = 0.1
+    supply.auto_start = True
+    supply.switch(on=True)
+    interlock.closed = False
+    assert not supply.output
+    interlock.closed = True
+    assert supply.output

@@ -394,3 +394,42 @@ def test_device_is_silent_while_it_starts(tec, clock):
     before = clock.now()
     assert tec.device_status is DeviceStatus.READY  # by a retry
     assert clock.now() - before > 0.8
+
+
+def test_error_of_an_earlier_hosts_watchdog_is_reset(connect, firmware, clock):
+    first = Tec(connect(firmware), watchdog_s=2.0)
+    first.open()
+    first.regulate(23.0)
+    clock.sleep(5)
+    assert first.error_number == 183
+    first.link.close()
+    first.open()
+    assert first.error_number == 0
+    first.regulate(23.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "error"),
+    [
+        ("lower_threshold_degc", 22.0, 137),
+        ("upper_threshold_degc", 20.0, 138),
+        ("largest_change_degc_per_s", 1e-4, 139),
+        ("current_threshold_a", 0.1, 100),
+        ("voltage_threshold_v", 0.1, 104),
+    ],
+)
+def test_thresholds(tec, clock, block, name, value, error):
+    setattr(tec, name, value)
+    tec.target_degc = 25.0
+    tec.output_enable = OutputEnable.ON
+    clock.sleep(3)
+    assert tec.error_number == error
+    assert block.current_a == 0
+
+
+def test_broken_sensor_switches_off(tec, clock, block):
+    tec.regulate(23.0)
+    block.held_degc = math.nan
+    clock.sleep(1)
+    assert tec.error_number == 138
+    assert block.current_a == 0
