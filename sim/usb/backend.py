@@ -5,18 +5,15 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterable
-from types import SimpleNamespace
 from typing import Any
-
-import usb.backend
 
 from drivers.clock import Clock
 from sim.usb import errors
 from sim.usb.bus import SimUsbDevice
-from sim.usb.descriptors import Configuration, Endpoint, Interface
+from sim.usb.described import DescriptorGetters
 from sim.usb.firmware import Setup, UsbFirmware
 
-BUS = 1
+__all__ = ["DescriptorGetters", "SimUsbBackend"]
 
 
 class _Handle:
@@ -26,7 +23,7 @@ class _Handle:
         self.device = device
 
 
-class SimUsbBackend(usb.backend.IBackend):  # type: ignore[misc]
+class SimUsbBackend(DescriptorGetters):
     """All that pyusb asks of a bus.
 
     A read moves the clock to the moment when its data are due and runs what falls due on the way; a
@@ -73,34 +70,9 @@ class SimUsbBackend(usb.backend.IBackend):  # type: ignore[misc]
                 return device
         raise LookupError(f"{firmware!r} is not plugged in")
 
-    # Enumeration and descriptors: arguments are logical indices, past the last one is an IndexError.
-
     def enumerate_devices(self) -> list[SimUsbDevice]:
         """Get what is plugged in now."""
         return list(self._devices)
-
-    def get_parent(self, dev: SimUsbDevice) -> None:
-        """There are no hubs: every device hangs on the root."""
-
-    def get_device_descriptor(self, dev: SimUsbDevice) -> SimpleNamespace:
-        """Get the device descriptor with the place on the bus."""
-        device = dev.descriptors
-        fields = {name: getattr(device, name) for name in _DEVICE_FIELDS}
-        return SimpleNamespace(
-            **fields, address=dev.address, bus=BUS, port_number=dev.address, port_numbers=(dev.address,)
-        )
-
-    def get_configuration_descriptor(self, dev: SimUsbDevice, config: int) -> Configuration:
-        """Get a configuration descriptor."""
-        return dev.descriptors.configurations[config]
-
-    def get_interface_descriptor(self, dev: SimUsbDevice, intf: int, alt: int, config: int) -> Interface:
-        """Get the descriptor of one alternate setting."""
-        return dev.descriptors.configurations[config].alternates(intf)[alt]
-
-    def get_endpoint_descriptor(self, dev: SimUsbDevice, ep: int, intf: int, alt: int, config: int) -> Endpoint:
-        """Get an endpoint descriptor."""
-        return self.get_interface_descriptor(dev, intf, alt, config).endpoints[ep]
 
     # Handles, configuration and claims
 
@@ -158,14 +130,6 @@ class SimUsbBackend(usb.backend.IBackend):  # type: ignore[misc]
     intr_write = bulk_write
     intr_read = bulk_read
 
-    def iso_write(self, dev_handle: _Handle, ep: int, intf: int, data: array[int], timeout: int) -> int:
-        """Refuse: no device of this bench uses isochronous transfers."""
-        raise errors.not_supported("isochronous transfers")
-
-    def iso_read(self, dev_handle: _Handle, ep: int, intf: int, buff: array[int], timeout: int) -> int:
-        """Refuse: no device of this bench uses isochronous transfers."""
-        raise errors.not_supported("isochronous transfers")
-
     def ctrl_transfer(
         self,
         dev_handle: _Handle,
@@ -194,45 +158,12 @@ class SimUsbBackend(usb.backend.IBackend):  # type: ignore[misc]
         dev_handle.device.check_plugged()
         dev_handle.device.reset()
 
-    # Kernel drivers: there is no kernel under this bus.
-
-    def is_kernel_driver_active(self, dev_handle: _Handle, intf: int) -> bool:
-        """Get whether a kernel driver holds the interface: never."""
-        return False
-
-    def detach_kernel_driver(self, dev_handle: _Handle, intf: int) -> None:
-        """Refuse: there is no kernel driver."""
-        raise errors.not_found(f"kernel driver of interface {intf}")
-
-    def attach_kernel_driver(self, dev_handle: _Handle, intf: int) -> None:
-        """Refuse: there is no kernel driver."""
-        raise errors.not_found(f"kernel driver of interface {intf}")
-
     @staticmethod
     def _claimed(handle: _Handle, interface: Any) -> SimUsbDevice:
         handle.device.check_plugged()
         if handle.device.claims.get(int(interface)) is not handle:
             raise errors.not_found(f"claim on interface {interface}")
         return handle.device
-
-
-_DEVICE_FIELDS = (
-    "bLength",
-    "bDescriptorType",
-    "bcdUSB",
-    "bDeviceClass",
-    "bDeviceSubClass",
-    "bDeviceProtocol",
-    "bMaxPacketSize0",
-    "idVendor",
-    "idProduct",
-    "bcdDevice",
-    "iManufacturer",
-    "iProduct",
-    "iSerialNumber",
-    "bNumConfigurations",
-    "speed",
-)
 
 
 def _seconds(timeout_ms: int) -> float:

@@ -124,23 +124,28 @@ class SimUsbDevice:
 
     def write(self, endpoint: int, data: bytes, timeout_s: float) -> int:
         """Move one OUT transfer; waits while the device is busy and returns the bytes that it took."""
-        found = self._endpoint(endpoint)
         end = self.clock.now() + timeout_s
-        self._pass_frame(len(data), found)
-        while True:
-            self.check_plugged()
-            self._check_halt(endpoint)
-            try:
-                taken = self.firmware.receive(endpoint, data)
-            except UsbStall as stall:
-                self.halted.add(endpoint)
-                raise errors.stalled() from stall
-            if taken:
-                return len(data)
+        self.send(endpoint, data)
+        while not self.offer(endpoint, data):
             left_s = end - self.clock.now()
             if left_s <= 0:
                 raise errors.timed_out()
             self.clock.sleep(min(left_s, NAK_RETRY_S))
+        return len(data)
+
+    def send(self, endpoint: int, data: bytes) -> None:
+        """Let the time pass that ``data`` need on the bus."""
+        self._pass_frame(len(data), self._endpoint(endpoint))
+
+    def offer(self, endpoint: int, data: bytes) -> bool:
+        """Offer an OUT transfer once; False when the device is busy (NAK)."""
+        self._endpoint(endpoint)
+        self._check_halt(endpoint)
+        try:
+            return self.firmware.receive(endpoint, data)
+        except UsbStall as stall:
+            self.halted.add(endpoint)
+            raise errors.stalled() from stall
 
     def read_into(self, endpoint: int, buffer: array[int], timeout_s: float) -> int:
         """Move one IN transfer into ``buffer`` and return its length.
@@ -152,9 +157,9 @@ class SimUsbDevice:
         end = self.clock.now() + timeout_s
         got = 0
         while got < len(view):
-            if not self._ready(endpoint):
+            if not self.ready(endpoint):
                 left_s = end - self.clock.now()
-                if not self.clock.wait(lambda: self._ready(endpoint), max(0.0, left_s)):
+                if not self.clock.wait(lambda: self.ready(endpoint), max(0.0, left_s)):
                     if got:
                         return got
                     raise errors.timed_out()
@@ -166,7 +171,7 @@ class SimUsbDevice:
                 break
         return got
 
-    def _ready(self, endpoint: int) -> bool:
+    def ready(self, endpoint: int) -> bool:
         """Tell whether data are on their way on ``endpoint``; fetches them from the firmware."""
         self.check_plugged()
         self._check_halt(endpoint)
