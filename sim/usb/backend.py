@@ -10,10 +10,8 @@ from typing import Any
 from drivers.clock import Clock
 from sim.usb import errors
 from sim.usb.bus import SimUsbDevice
-from sim.usb.described import DescriptorGetters
+from sim.usb.described import DescribedBackend
 from sim.usb.firmware import Setup, UsbFirmware
-
-__all__ = ["DescriptorGetters", "SimUsbBackend"]
 
 
 class _Handle:
@@ -23,7 +21,7 @@ class _Handle:
         self.device = device
 
 
-class SimUsbBackend(DescriptorGetters):
+class SimUsbBackend(DescribedBackend):
     """All that pyusb asks of a bus.
 
     A read moves the clock to the moment when its data are due and runs what falls due on the way; a

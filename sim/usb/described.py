@@ -44,7 +44,7 @@ class Described(Protocol):
         """Get its address on the bus."""
 
 
-class DescriptorGetters(usb.backend.IBackend):  # type: ignore[misc]
+class DescribedBackend(usb.backend.IBackend):  # type: ignore[misc]
     """Descriptors by their logical indices (past the last one is an IndexError), and what no device here can do."""
 
     def get_parent(self, dev: Described) -> None:
