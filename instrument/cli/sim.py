@@ -74,10 +74,9 @@ def sim(
         path.write_text(to_toml(host_settings(wanted, addresses, factor, folder.resolve())), encoding="utf-8")
         output.print_json({"ready": True, **addresses, "settings": str(path), "seed": wanted.seed, "speed": factor})
         if not json:
-            output.console().print(
-                f"serving at speed {factor:g}; in another terminal: picoradar doctor --settings {path}"
-            )
-            output.console().print("Ctrl-C ends it")
+            console = output.console()
+            console.print(f"serving at speed {factor:g}; Ctrl-C ends it. In another terminal:")
+            console.print(f"picoradar doctor --settings {path}", soft_wrap=True)
         server.serve(lambda: bool(stopped))
 
 

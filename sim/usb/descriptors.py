@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 BULK = 0x02
 INTERRUPT = 0x03
@@ -189,3 +189,20 @@ class Device:
         # String 0 is the list of languages.
         text = struct.pack("<H", LANGUAGE) if index == 0 else self.strings[index - 1].encode("utf-16-le")
         return bytes([2 + len(text), 3]) + text
+
+
+def device_from_plain(table: dict[str, Any]) -> Device:
+    """Make a device of what ``dataclasses.asdict`` has made of one (lists may stand for tuples)."""
+    configurations = (
+        Configuration(**_tuples({**c, "interfaces": tuple(_interface(i) for i in c["interfaces"])}))
+        for c in table["configurations"]
+    )
+    return Device(**_tuples({**table, "configurations": tuple(configurations)}))
+
+
+def _interface(table: dict[str, Any]) -> Interface:
+    return Interface(**_tuples({**table, "endpoints": tuple(Endpoint(**_tuples(e)) for e in table["endpoints"])}))
+
+
+def _tuples(table: dict[str, Any]) -> dict[str, Any]:
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in table.items()}

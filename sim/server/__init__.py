@@ -1,0 +1,5 @@
+"""The simulated bench for other programs: ptys, ``socket://`` ports and forwarded USB, served by one thread."""
+
+from sim.server.bench_server import BenchServer
+
+__all__ = ["BenchServer"]

@@ -1,0 +1,73 @@
+"""`BenchServer`: the whole simulated bench for other programs, in one thread."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from sim.bench import SimulatedBench
+from sim.server.event_loop import EventLoop
+from sim.server.served_port import ServedPort
+from sim.server.usb_server import UsbServer
+
+USB_BACKEND = "sim.usb.forward:backend"
+
+
+class BenchServer:
+    """Serves a bench on ptys, TCP ports and forwarded USB, all on this computer only.
+
+    Parameters
+    ----------
+    bench : SimulatedBench
+        What to serve; its clock belongs to the server from now on.
+    folder : Path
+        Where the ptys get their names.
+    speed : float
+        Seconds of the bench per second of the wall.
+    ptys : bool
+        Whether to make ptys; where they do not exist the TCP ports serve alone.
+
+    Attributes
+    ----------
+    ports : dict
+        `ServedPort` of each serial device by its name.
+    """
+
+    def __init__(
+        self, bench: SimulatedBench, folder: Path, *, speed: float = 1.0, ptys: bool = os.name == "posix"
+    ) -> None:
+        self.loop = EventLoop(bench.clock, speed)
+        self.ports = {
+            name: ServedPort(wire, self.loop, folder / name if ptys else None) for name, wire in bench.wires.items()
+        }
+        self._usb = UsbServer(bench.usb_backend, self.loop)
+
+    def addresses(self) -> dict[str, Any]:
+        """Get where hosts find the devices: ``serial`` by name, and ``usb`` (``backend`` and ``address``)."""
+        return {
+            "serial": {name: port.addresses for name, port in self.ports.items()},
+            "usb": {"backend": USB_BACKEND, "address": self._usb.address},
+        }
+
+    def serve(self, until: Callable[[], bool]) -> None:
+        """Serve until ``until()`` holds; it is asked ten times a second or more often."""
+        while not until():
+            self.loop.turn()
+
+    def close(self) -> None:
+        """Take all ports away."""
+        self._usb.close()
+        for port in self.ports.values():
+            port.close()
+        self.loop.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        self.close()

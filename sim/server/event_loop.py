@@ -1,0 +1,91 @@
+"""One thread that looks at sockets and ptys, and moves the bench's clock at a chosen pace.
+
+The clock stays a `VirtualClock`: device time is exact, and waits for the wall instead of jumping. A transfer over the
+simulated USB moves it ahead by the time that it takes; the loop then lets the wall catch up. When the
+computer was slow it is the clock that catches up, in steps between which bytes of the hosts are taken, so that
+a slow computer alone never makes the devices find a host late.
+"""
+
+from __future__ import annotations
+
+import selectors
+from collections.abc import Callable
+from typing import Protocol
+
+from drivers.clock import ScaledClock, VirtualClock
+
+STEP_S = 0.02  # longest piece of device time between two looks at the hosts
+LOOK_S = 0.1  # longest wait (wall), so that a request to stop is seen
+
+
+class HasFileno(Protocol):
+    """A socket, or a descriptor in an object."""
+
+    def fileno(self) -> int:
+        """Get the file descriptor."""
+
+
+class EventLoop:
+    """Runs callbacks when bytes come, and the timers of the clock when they are due.
+
+    Parameters
+    ----------
+    clock : VirtualClock
+        Time of the bench; nobody else may move it.
+    speed : float
+        Seconds of the bench per second of the wall.
+    """
+
+    def __init__(self, clock: VirtualClock, speed: float = 1.0) -> None:
+        self.clock = clock
+        self._pace = ScaledClock(speed)
+        self._ahead_s = clock.now()  # clock over pace
+        self._selector = selectors.DefaultSelector()
+        self._pumps: list[Callable[[], None]] = []
+
+    @property
+    def speed(self) -> float:
+        """Get the seconds of the bench per second of the wall."""
+        return self._pace.factor
+
+    def watch(self, source: HasFileno | int, ready: Callable[[], None]) -> None:
+        """Call ``ready`` whenever ``source`` can be read."""
+        self._selector.register(source, selectors.EVENT_READ, ready)
+
+    def forget(self, source: HasFileno | int) -> None:
+        """Look at ``source`` no more; call it before closing it."""
+        self._selector.unregister(source)
+
+    def every_turn(self, pump: Callable[[], None]) -> None:
+        """Call ``pump`` in every turn, after the clock has moved."""
+        self._pumps.append(pump)
+
+    def turn(self) -> None:
+        """Wait until bytes come or a timer is due (`LOOK_S` at the most), and do what there is to do."""
+        for key, _ in self._selector.select(self._idle_s()):
+            key.data()
+        self._move_clock()
+        for pump in self._pumps:
+            pump()
+
+    def catch_up(self) -> None:
+        """Let the wall catch up with the clock, which a USB transfer has moved ahead by the time that it takes."""
+        self._pace.sleep(self.clock.now() - self._due_s())
+
+    def close(self) -> None:
+        """Look at nothing any more."""
+        self._selector.close()
+
+    def _due_s(self) -> float:
+        """Get the moment of the bench that the wall has reached."""
+        return self._pace.now() + self._ahead_s
+
+    def _idle_s(self) -> float:
+        """Get how long (wall) nothing will be due."""
+        due = self.clock.next_due()
+        idle_s = LOOK_S if due is None else (due - self._due_s()) / self.speed
+        return min(max(0.0, idle_s), LOOK_S)
+
+    def _move_clock(self) -> None:
+        now = self.clock.now()
+        self.clock.advance_to(min(max(self._due_s(), now), now + STEP_S))

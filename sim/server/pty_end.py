@@ -1,0 +1,95 @@
+"""A pseudo-terminal as the plug of a simulated serial device (POSIX only).
+
+The host opens a name that stays the same over a cable pull, as udev's by-id names do. Raw mode is set at once: before
+it, what the device sends would be echoed back to the device (findings on simulating at the wire, 4.1).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import struct
+import sys
+import termios
+import tty
+from pathlib import Path
+
+CHUNK = 4096
+_TCGETS2 = 0x802C542A  # Linux: termios2, which holds baud rates that have no name
+_TERMIOS2 = struct.Struct("4I20B2I")
+_NAMED_BAUDS = {getattr(termios, name): int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdigit()}
+
+
+class PtyEnd:
+    """One pseudo-terminal; `pull` and `plug` are those of its cable.
+
+    Parameters
+    ----------
+    name : Path
+        Name for the host (a symbolic link to the terminal); its folder exists.
+    baud : int
+        Rate that a host finds when it does not set one.
+    """
+
+    def __init__(self, name: Path, baud: int) -> None:
+        self.name = name
+        self._baud = baud
+        self._master = self._slave = -1
+        self.plug()
+
+    @property
+    def plugged(self) -> bool:
+        """Get whether the terminal is there."""
+        return self._master >= 0
+
+    def fileno(self) -> int:
+        """Get the descriptor of our side."""
+        return self._master
+
+    def plug(self) -> None:
+        """Make the terminal and put its name in place, in one step."""
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        settings = termios.tcgetattr(self._slave)
+        settings[4] = settings[5] = getattr(termios, f"B{self._baud}", settings[5])
+        termios.tcsetattr(self._slave, termios.TCSANOW, settings)
+        os.set_blocking(self._master, False)
+        # The slave stays open on our side: else reading ends with an error whenever no host has it open.
+        new = self.name.with_name(self.name.name + ".new")
+        new.symlink_to(os.ttyname(self._slave))
+        new.replace(self.name)
+
+    def pull(self) -> None:
+        """Pull the cable: a waiting host gets its error at once; the name stays and leads nowhere."""
+        os.close(self._master)
+        os.close(self._slave)
+        self._master = self._slave = -1
+
+    def close(self) -> None:
+        """Take terminal and name away."""
+        if self.plugged:
+            self.pull()
+        self.name.unlink(missing_ok=True)
+
+    def read(self) -> bytes:
+        """Take what the host has written."""
+        try:
+            return os.read(self._master, CHUNK)
+        except BlockingIOError:
+            return b""
+
+    def write(self, data: bytes) -> None:
+        """Give bytes to the host; those for which its buffer has no room are lost, as with a real port."""
+        with contextlib.suppress(BlockingIOError):
+            os.write(self._master, data)
+
+    def baud(self) -> float:
+        """Get the baud rate that the host has set."""
+        speed = termios.tcgetattr(self._master)[5]
+        if speed in _NAMED_BAUDS:
+            return _NAMED_BAUDS[speed]
+        if sys.platform != "linux":
+            return float(speed)
+        answer = fcntl.ioctl(self._master, _TCGETS2, bytes(_TERMIOS2.size))
+        return float(_TERMIOS2.unpack(answer)[-1])

@@ -1,0 +1,101 @@
+"""One simulated serial device for other programs: a pty and a TCP port that lead to the same plug.
+
+The device has one line, so one host can use it at a time. A host on the TCP port has the line until it closes its
+connection; what is written to the pty meanwhile is not heard.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sim.ports import SerialWire
+from sim.server.event_loop import EventLoop
+from sim.server.socket_end import SocketEnd
+from sim.server.uart import heard
+
+if TYPE_CHECKING:
+    from sim.server.pty_end import PtyEnd
+
+PIECE_S = 1e-3  # an answer reaches the host in pieces of this length (wall)
+
+
+class ServedPort:
+    """Pty and TCP port of one device.
+
+    Parameters
+    ----------
+    wire : SerialWire
+        The device's line; its host is from now on whoever opens one of the ports.
+    loop : EventLoop
+    pty_name : Path or None
+        Name for the pty; None where there are none (Windows).
+    """
+
+    def __init__(self, wire: SerialWire, loop: EventLoop, pty_name: Path | None) -> None:
+        self._wire = wire
+        self._loop = loop
+        self._socket = SocketEnd(loop, wire.write)
+        self._pty = _make_pty(pty_name, wire.firmware.baud)
+        wire.host_open = True
+        wire.piece_bytes = max(1, int(wire.firmware.baud / 10 * PIECE_S * loop.speed))
+        self._watch_pty()
+        loop.every_turn(self._answer)
+
+    @property
+    def addresses(self) -> dict[str, str | None]:
+        """Get where a host finds the device: ``pty`` (None on Windows) and ``socket``."""
+        return {"pty": str(self._pty.name) if self._pty is not None else None, "socket": self._socket.url}
+
+    def pull(self) -> None:
+        """Pull the cable out of the host."""
+        self._wire.plugged = False
+        self._wire.discard()
+        self._socket.pull()
+        if self._pty is not None and self._pty.plugged:
+            self._loop.forget(self._pty.fileno())
+            self._pty.pull()
+
+    def plug(self) -> None:
+        """Plug the cable in again: same names, a new terminal."""
+        self._wire.plugged = True
+        self._socket.plug()
+        if self._pty is not None:
+            self._pty.plug()
+            self._watch_pty()
+
+    def close(self) -> None:
+        """Take both ports away."""
+        if self._wire.plugged:
+            self.pull()
+        if self._pty is not None:
+            self._pty.close()
+
+    def _watch_pty(self) -> None:
+        if self._pty is not None:
+            self._loop.watch(self._pty.fileno(), self._hear_pty)
+
+    def _hear_pty(self) -> None:
+        if self._pty is None:
+            return
+        data = heard(self._pty.read(), sent_baud=self._pty.baud(), read_baud=self._wire.firmware.baud)
+        if data and not self._socket.connected:
+            self._wire.write(data)
+
+    def _answer(self) -> None:
+        """Hand on what has come from the device."""
+        if not self._wire.waiting:
+            return
+        data = self._wire.read(self._wire.waiting, 0.0)
+        if self._socket.connected:
+            self._socket.write(data)
+        elif self._pty is not None:
+            self._pty.write(heard(data, sent_baud=self._wire.firmware.baud, read_baud=self._pty.baud()))
+
+
+def _make_pty(name: Path | None, baud: int) -> PtyEnd | None:
+    if name is None:
+        return None
+    from sim.server.pty_end import PtyEnd  # where there are no ptys its imports fail
+
+    return PtyEnd(name, baud)

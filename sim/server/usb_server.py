@@ -1,0 +1,229 @@
+"""USB devices of the bench for other processes: the server's end of `sim.usb.forward`."""
+
+from __future__ import annotations
+
+import itertools
+import socket
+from array import array
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+import usb.core
+
+from sim.server.event_loop import EventLoop
+from sim.usb import errors
+from sim.usb.backend import SimUsbBackend
+from sim.usb.bus import SimUsbDevice
+from sim.usb.frames import LONGEST_DATA, BadFrame, send_frame, take_frame
+
+LOOPBACK = "127.0.0.1"
+SEND_LIMIT_S = 1.0  # a host that does not take its answer within this time is given up
+NO_WAITING_MS = -1  # a time limit that has passed already: what is there now, or a timeout
+
+ARGUMENTS = {  # of each operation on a handle
+    "set_configuration": 1,
+    "get_configuration": 0,
+    "set_interface_altsetting": 2,
+    "claim_interface": 1,
+    "release_interface": 1,
+    "clear_halt": 1,
+    "reset_device": 0,
+    "bulk_read": 4,
+    "bulk_write": 3,
+    "ctrl_transfer": 6,
+}
+Answer = tuple[Any, bytes]
+
+
+class UsbServer:
+    """Answers the questions of any number of hosts.
+
+    Parameters
+    ----------
+    backend : SimUsbBackend
+        The bus.
+    loop : EventLoop
+        Tells when a question comes; its clock is that of the bus.
+    """
+
+    def __init__(self, backend: SimUsbBackend, loop: EventLoop) -> None:
+        self.backend = backend
+        self.loop = loop
+        self.handles: dict[int, Any] = {}
+        self.numbers = itertools.count(1)
+        self._hosts: list[_Host] = []
+        self._listener = socket.create_server((LOOPBACK, 0))
+        loop.watch(self._listener, self._accept)
+        loop.every_turn(self._go_on)
+
+    @property
+    def address(self) -> str:
+        """Get the argument of `sim.usb.forward.backend`."""
+        return f"{LOOPBACK}:{self._listener.getsockname()[1]}"
+
+    def close(self) -> None:
+        """Drop all hosts and listen no more."""
+        for host in list(self._hosts):
+            self.drop(host)
+        self.loop.forget(self._listener)
+        self._listener.close()
+
+    def drop(self, host: _Host) -> None:
+        """Forget a host; its handles and their claims end."""
+        self._hosts.remove(host)
+        host.close()
+
+    def enumerate(self) -> list[dict[str, Any]]:
+        """Describe what is plugged in."""
+        plugged = self.backend.enumerate_devices()
+        return [{"address": d.address, "descriptors": asdict(d.descriptors)} for d in plugged]
+
+    def device(self, address: int) -> SimUsbDevice:
+        """Get a device by its address, which no two devices ever share.
+
+        Raises
+        ------
+        usb.core.USBError
+            ENODEV when it is not plugged in (any more).
+        """
+        for device in self.backend.enumerate_devices():
+            if device.address == address:
+                return device
+        raise errors.gone()
+
+    def _accept(self) -> None:
+        connection, _ = self._listener.accept()
+        connection.settimeout(SEND_LIMIT_S)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._hosts.append(_Host(self, connection))
+
+    def _go_on(self) -> None:
+        for host in list(self._hosts):
+            host.go_on()
+
+
+class _Host:
+    """One connection: a question at a time, which may take a while to be answered."""
+
+    def __init__(self, server: UsbServer, connection: socket.socket) -> None:
+        self._server = server
+        self._connection = connection
+        self._received = bytearray()
+        self._opened: list[int] = []
+        self._pending: Callable[[], Answer | None] | None = None
+        server.loop.watch(connection, self._hear)
+
+    def close(self) -> None:
+        self._server.loop.forget(self._connection)
+        self._connection.close()
+        for number in self._opened:
+            self._server.backend.close_device(self._server.handles.pop(number))
+        self._pending = None
+
+    def go_on(self) -> None:
+        """Try again what could not be answered yet."""
+        if self._pending is None:
+            return
+        try:
+            answer = self._pending()
+        except usb.core.USBError as error:
+            answer = None
+            self._pending = None
+            self._send({"error": error.strerror or str(error), "code": error.backend_error_code, "errno": error.errno})
+        if answer is not None:
+            self._pending = None
+            self._send({"result": answer[0]}, answer[1])
+
+    def _hear(self) -> None:
+        try:
+            came = self._connection.recv(1 << 16)
+            self._received += came
+            question = take_frame(self._received) if came else None
+        except (OSError, BadFrame):
+            came, question = b"", None
+        if not came:
+            self._server.drop(self)
+        elif question is not None:
+            self._pending = self._asked(*question)
+            self.go_on()
+
+    def _send(self, header: dict[str, Any], data: bytes = b"") -> None:
+        self._server.loop.catch_up()  # the transfer has taken its time
+        try:
+            send_frame(self._connection, header, data)
+        except OSError:
+            self._server.drop(self)
+
+    def _asked(self, question: dict[str, Any], data: bytes) -> Callable[[], Answer | None]:
+        """Turn a question into what is to be done: once, or again and again until it gives an answer."""
+        op, args, number = str(question.get("op")), question.get("args", []), question.get("handle", 0)
+        server, backend = self._server, self._server.backend
+        match op:
+            case "speed":
+                return lambda: (server.loop.speed, b"")
+            case "enumerate":
+                return lambda: (server.enumerate(), b"")
+            case "open":
+                return lambda: (self._open(question.get("device")), b"")
+        handle = server.handles.get(number)
+        if handle is None or len(args) != ARGUMENTS.get(op, -1) or not all(isinstance(a, int) for a in args):
+            return lambda: _refused(question)
+        match op:
+            case "bulk_read":
+                endpoint, interface, length, timeout_ms = args
+                return self._patiently(lambda: _read(backend, handle, endpoint, interface, length), timeout_ms)
+            case "bulk_write":
+                endpoint, interface, timeout_ms = args
+                block = array("B", data)
+                return self._patiently(
+                    lambda: (backend.bulk_write(handle, endpoint, interface, block, NO_WAITING_MS), b""), timeout_ms
+                )
+            case "ctrl_transfer":
+                return lambda: _control(backend, handle, args, data)
+        return lambda: (getattr(backend, op)(handle, *args), b"")
+
+    def _open(self, device: Any) -> int:
+        number = next(self._server.numbers)
+        self._server.handles[number] = self._server.backend.open_device(self._server.device(device))
+        self._opened.append(number)
+        return number
+
+    def _patiently(self, attempt: Callable[[], Answer], timeout_ms: int) -> Callable[[], Answer | None]:
+        """Make what is tried again in every turn until its time limit (0: for ever)."""
+        clock = self._server.loop.clock
+        limit = clock.now() + timeout_ms / 1000 if timeout_ms else float("inf")
+        if timeout_ms:
+            clock.call_at(limit, _nothing)  # a turn then
+
+        def attempted() -> Answer | None:
+            try:
+                return attempt()
+            except usb.core.USBTimeoutError:
+                if clock.now() >= limit:
+                    raise
+                return None
+
+        return attempted
+
+
+def _read(backend: SimUsbBackend, handle: Any, endpoint: int, interface: int, length: int) -> Answer:
+    block = array("B", bytes(min(length, LONGEST_DATA)))
+    got = backend.bulk_read(handle, endpoint, interface, block, NO_WAITING_MS)
+    return None, block[:got].tobytes()
+
+
+def _control(backend: SimUsbBackend, handle: Any, args: list[int], data: bytes) -> Answer:
+    kind, request, value, index, length, timeout_ms = args
+    to_host = bool(kind & 0x80)
+    block = array("B", bytes(min(length, LONGEST_DATA)) if to_host else data)
+    done = backend.ctrl_transfer(handle, kind, request, value, index, block, timeout_ms)
+    return done, block[:done].tobytes() if to_host else b""
+
+
+def _refused(question: dict[str, Any]) -> Answer:
+    raise errors.not_supported(f"the question {question}")
+
+
+def _nothing() -> None:
+    pass
