@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import tomllib
+from pathlib import Path
+
 import pytest
 
 from drivers.dg645 import DG645
@@ -12,24 +15,8 @@ from sim.wires import InterlockChain, TriggerLine
 
 IDN = b"Stanford Research Systems,DG645,s/n001013,ver1.02.0A\r\n"
 CHECK = (b"LERR?\n", b"0\r\n")
-SHEET = [
-    (b"*IDN?\n", IDN),
-    (b"TSRC 5\n", b""),
-    (b"TRAT 80000\n", b""),
-    (b"TRAT?\n", b"+80000.000000\r\n"),
-    (b"DLAY 2,0,1e-7\n", b""),
-    (b"DLAY 3,2,1e-8\n", b""),
-    (b"DLAY?2\n", b"0,+0.000000100000\r\n"),
-    (b"DLAY?3\n", b"2,+0.000000010000\r\n"),
-    (b"DLAY 4,0,6.7e-12\n", b""),
-    (b"DLAY?4\n", b"0,+0.000000000005\r\n"),
-    (b"DLAY 2,2,0\n", b""),
-    (b"LERR?\n", b"13\r\n"),
-    (b"LAMP 1,3.3\n", b""),
-    (b"LAMP?1\n", b"+3.30\r\n"),
-    (b"TSRC 0\n", b""),
-    (b"LERR?\n", b"0\r\n"),
-]
+GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "dg645.toml").read_text())
+SHEET = [(sent.encode(), reply.encode()) for sent, reply in GOLDEN["exchange"]]
 
 
 @pytest.fixture

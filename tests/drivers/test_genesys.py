@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import tomllib
+from pathlib import Path
+
 import pytest
 
 from drivers.errors import DeviceFault, LimitError, ProtocolError, Timeout
@@ -10,31 +13,10 @@ from drivers.genesys_wire import Fault, Filter, Remote, Status, checksum, decode
 from sim.firmware.genesys import GenesysFirmware
 from sim.wires import InterlockChain
 
-SHEET = [
-    (b"ADR 6\r", b"OK\r"),
-    (b"IDN?\r", b"LAMBDA,GEN600-1.3\r"),
-    (b"RMT 1\r", b"OK\r"),
-    (b"AST 0\r", b"OK\r"),
-    (b"OUT 0\r", b"OK\r"),
-    (b"PV 240\r", b"OK\r"),
-    (b"OVP 350\r", b"OK\r"),
-    (b"PC 0.1\r", b"OK\r"),
-    (b"PV 290\r", b"OK\r"),
-    (b"PV?\r", b"290\r"),
-    (b"PV 340\r", b"E01\r"),
-    (b"OUT 1\r", b"OK\r"),
-    (b"MV?\r", b"290.01\r"),
-    (b"FLT?\r", b"00\r"),
-]
-AFTER_INTERLOCK_OPENED = [(b"FLT?\r", b"80\r"), (b"OUT?\r", b"OFF\r"), (b"OUT 1\r", b"E07\r")]
-CHECKSUMS = [
-    ("STT?", b"STT?$3A\r"),
-    ("STAT?", b"STAT?$7B\r"),
-    ("PV 290", b"PV 290$61\r"),
-    ("OUT 1", b"OUT 1$49\r"),
-    ("ADR 6", b"ADR 6$2D\r"),
-    ("OK", b"OK$9A\r"),
-]
+GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "genesys.toml").read_text())
+SHEET = [(sent.encode(), reply.encode()) for sent, reply in GOLDEN["exchange"]]
+AFTER_INTERLOCK_OPENED = [(sent.encode(), reply.encode()) for sent, reply in GOLDEN["after_interlock_opened"]]
+CHECKSUMS = [(text, wire.encode()) for text, wire in GOLDEN["check_sums"]]
 
 
 @pytest.fixture

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -13,30 +15,10 @@ from drivers.mecom_session import MeCom
 from drivers.mecom_wire import crc16, decode, decode_float, decode_int, encode, encode_float, encode_int
 from sim.firmware.mecom import TecFirmware
 
-PRINTED = [
-    (b"#0015AA?IF62AE\r", b"!0015AA8065-TEC SW G01     7199\r"),
-    (b"#0015AB?VR0064018000\r", b"!0015AB000004411DBD\r"),
-    (b"#0015AC?VR0066018125\r", b"!0015AC000000706F2C\r"),
-    (b"#0015AB?VR03E801C21A\r", b"!0015AB41CD2F28D5C2\r"),
-    (b"#0015B0VS0BB80141AE0000C482\r", b"!0015B0C482\r"),
-    (b"#0015AEVS07DA01000000028F97\r", b"!0015AE8F97\r"),
-    (b"#00BDE2RS9780\r", b"!00BDE29780\r"),
-]
-COMPUTED = [
-    (b"#01A001?VR006801EC38\r", b"!01A00100000002435C\r"),
-    (b"#01A002?VR03E8016A8C\r", b"!01A00241B851EC078A\r"),
-    (b"#01A003VS0BB80141B80000482A\r", b"!01A003482A\r"),
-    (b"#01A004VS07DA0100000001BAF1\r", b"!01A004BAF1\r"),
-    (b"#01A005VS07DA0100000000BA32\r", b"!01A005BA32\r"),
-    (b"#01A006?VR04B00158E1\r", b"!01A00600000002F2F7\r"),
-    (b"#01A006?VR04B00158E1\r", b"!01A00600000001C294\r"),
-    (b"#01A007?VR006901A8B7\r", b"!01A007000000003996\r"),
-    (b"#01A008RS4C70\r", b"!01A0084C70\r"),
-    (b"#01A009ESE1A4\r", b"!01A009E1A4\r"),
-    (b"#01A00A?VR0BB801E238\r", b"!01A00A+05E8D6\r"),
-    (b"#01A00BVS080C01400000007573\r", b"!01A00B7573\r"),
-]
-LONE = [b"#0115AA?IF257D\r", b"!0115AC+057509\r", b"!01A003+076789\r"]
+GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "mecom.toml").read_text())
+PRINTED = [(sent.encode(), reply.encode()) for sent, reply in GOLDEN["printed"]]
+COMPUTED = [(sent.encode(), reply.encode()) for sent, reply in GOLDEN["computed"]]
+LONE = [telegram.encode() for (telegram,) in GOLDEN["alone"]]
 
 
 class Block:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -12,7 +14,9 @@ from drivers.tc200 import TC200
 from drivers.tc200_wire import Mode, Sensor, Status, read_gains, read_temperature, split_answer
 from sim.firmware.tc200 import Tc200Firmware
 
-TACT = (b"tact?\r", bytes.fromhex("74 61 63 74 3f 0d 33 30 20 43 0d 3e 20"))
+GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "tc200.toml").read_text())
+((sent, reply),) = GOLDEN["exchange"]
+TACT = (sent.encode(), reply.encode())
 
 
 class Block:
@@ -48,6 +52,10 @@ def heater(connect, clock, block):
     device = TC200(connect(Tc200Firmware(clock, block)))
     device.open()
     return device
+
+
+def test_bytes_of_the_sheet():
+    assert TACT[0] + TACT[1][6:] == bytes.fromhex("74 61 63 74 3f 0d 33 30 20 43 0d 3e 20")
 
 
 def test_worked_exchange_of_the_sheet_by_the_driver(scripted):
