@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.report.style import BONE, CLASSES, INK, classes_of, new_figure
+from instrument.report.style import BONE, CLASSES, INK, ResidualClass, classes_of, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,6 +18,7 @@ IntArray = NDArray[np.int64]
 
 _MOST_POINTS = 20_000
 _POINT_LIFT_MM = 2.0  # so that a point on the surface is not half hidden by the facets that it lies on
+_RESIDUAL_LIFT = 1.5  # and one behind it, where a wrong pose has put it, not hidden at all
 
 
 def draw_overlay(
@@ -36,6 +37,7 @@ def draw_overlay(
     centre = points_mm.mean(axis=0)
     reach = float(np.percentile(np.linalg.norm(points_mm - centre, axis=1), 99))
     left, right = figure.subplots(1, 2)
+    lift_mm = _POINT_LIFT_MM + _RESIDUAL_LIFT * np.abs(residuals_mm)
     for axes, title, turn_deg, tilt_deg, frame in (
         (left, "as seen from the scanner", 0.0, 0.0, 1.15),
         (right, "from 35 degrees to the side", 35.0, 20.0, 1.9),
@@ -46,6 +48,7 @@ def draw_overlay(
             (corners - centre) @ view.T,
             faces,
             (points_mm[::every] - centre) @ view.T,
+            lift_mm[::every],
             kinds[::every],
             frame * reach,
             float(np.clip(0.45 * reach / np.sqrt(len(points_mm) / every), 0.006 * reach, 0.03 * reach)),
@@ -68,7 +71,14 @@ def _view(turn_deg: float, tilt_deg: float) -> FloatArray:
 
 
 def _paint(
-    axes: Axes, corners: FloatArray, faces: IntArray, points: FloatArray, kinds: IntArray, frame: float, size: float
+    axes: Axes,
+    corners: FloatArray,
+    faces: IntArray,
+    points: FloatArray,
+    lifts: FloatArray,
+    kinds: IntArray,
+    frame: float,
+    size: float,
 ) -> None:
     from matplotlib.collections import PolyCollection
 
@@ -79,12 +89,13 @@ def _paint(
     lengths = np.linalg.norm(normals, axis=1)
     light = np.abs(normals @ [0.25, 0.35, -0.9]) / np.maximum(lengths, 1e-12)
     shades = np.clip(0.45 + 0.58 * light, 0, 1)[:, None] * np.array(BONE)
+    shapes_of = [_corners(entry, size) for entry in CLASSES]
     shapes = [
         *triangles[:, :, :2],
-        *(point[:2] + _corners(CLASSES[kind].corners, size) for point, kind in zip(points, kinds, strict=True)),
+        *(point[:2] + shapes_of[kind] for point, kind in zip(points, kinds, strict=True)),
     ]
     colours = np.array([_rgb(entry.colour) for entry in CLASSES])[kinds]
-    depth = np.concatenate([triangles[:, :, 2].mean(axis=1), points[:, 2] - _POINT_LIFT_MM])
+    depth = np.concatenate([triangles[:, :, 2].mean(axis=1), points[:, 2] - lifts])
     order = np.argsort(-depth, kind="stable")
     filled = np.concatenate([shades, colours])[order]
     axes.add_collection(
@@ -99,10 +110,10 @@ def _paint(
     axes.text(-0.95 * frame, -0.93 * frame, f"{bar:g} mm", color=INK, va="bottom")
 
 
-def _corners(count: int, size: float) -> FloatArray:
+def _corners(entry: ResidualClass, size: float) -> FloatArray:
+    count = entry.corners
     angles = np.pi / 2 + 2 * np.pi * np.arange(count) / count + (np.pi / 4 if count == 4 else 0.0)
-    grown = size * (1.2 if count == 4 else 2.0)  # doubtful points must be seen among the good ones
-    return grown * np.column_stack([np.cos(angles), np.sin(angles)])
+    return np.asarray(entry.size * size * np.column_stack([np.cos(angles), np.sin(angles)]))
 
 
 def _rgb(colour: str) -> list[float]:

@@ -23,18 +23,19 @@ _DPI = 140
 
 @dataclass(frozen=True)
 class ResidualClass:
-    """A class of residuals; the shape tells it apart where colours are not seen."""
+    """A class of residuals; shape and size tell it apart where colours are not seen."""
 
     words: str
     colour: str
     corners: int
+    size: float
     marker: str
 
 
 CLASSES = (
-    ResidualClass("under 1 mm", "#1f5fbf", 4, "s"),
-    ResidualClass("1 to 3 mm", "#35a852", 5, "p"),
-    ResidualClass("over 3 mm", "#cc1f1a", 3, "^"),
+    ResidualClass("under 1 mm", "#1f5fbf", 4, 1.2, "s"),
+    ResidualClass("1 to 3 mm", "#35a852", 5, 1.5, "p"),
+    ResidualClass("over 3 mm", "#cc1f1a", 3, 2.0, "^"),
 )
 LIMITS_MM = (1.0, 3.0)
 """Limits of the dissertation's overlays (blue, green, red)."""
