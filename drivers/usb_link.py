@@ -18,6 +18,7 @@ from drivers.clock import Clock
 from drivers.errors import LinkLost, ProtocolError, Stall, Timeout
 from drivers.transcript import Transcript
 
+ACCESS_REMEDY = "the device is there but this account may not open it: install the udev rule of docs/devices.md"
 VENDOR_IN = 0xC1  # bmRequestType of vendor requests to the interface
 VENDOR_OUT = 0x41
 SLICE_S = 0.1  # longest wait inside the bus, so that timers (heartbeats) run on a real clock too
@@ -89,24 +90,26 @@ class UsbLink:
         Raises
         ------
         LinkLost
-            When no such device is there, several are and no serial number was given, or access is denied.
+            When no such device is there, several are and no serial number was given, access is denied, or it
+            has not the interface that is expected.
         """
         if self._usb is not None:
             return
+        found = None
         try:
             found = self._find()
-            if found.bNumConfigurations and self._configuration_value(found) == 0:
-                found.set_configuration()
-            if self.backend is None and found.is_kernel_driver_active(self.interface):
-                found.detach_kernel_driver(self.interface)
-            usb.util.claim_interface(found, self.interface)
-            if self.alternate:
-                found.set_interface_altsetting(self.interface, self.alternate)
+            self._claim(found)
         except usb.core.NoBackendError as error:
             raise LinkLost(self.device, "no USB library is installed", "install libusb 1.0") from error
         except usb.core.USBError as error:
             self._fail(error, "cannot be opened")
-        self._usb = found
+        except ValueError as error:  # pyusb's way of saying that there is no such interface or setting
+            remedy = "another kind of device has this identity: check the settings"
+            raise LinkLost(self.device, f"cannot be opened: {error}", remedy) from error
+        finally:
+            if found is not None and self._usb is None:
+                with contextlib.suppress(usb.core.USBError):
+                    usb.util.dispose_resources(found)
         if self.transcript is not None:
             self._note("open", **_described(found))
 
@@ -222,6 +225,16 @@ class UsbLink:
             raise ProtocolError(self.device, f"control request {request:#04x} took {done} of {len(data)} bytes")
         return done
 
+    def _claim(self, found: Any) -> None:
+        if found.bNumConfigurations and self._configuration_value(found) == 0:
+            found.set_configuration()
+        if self.backend is None and found.is_kernel_driver_active(self.interface):
+            found.detach_kernel_driver(self.interface)
+        usb.util.claim_interface(found, self.interface)
+        if self.alternate:
+            found.set_interface_altsetting(self.interface, self.alternate)
+        self._usb = found
+
     def _find(self) -> Any:
         every = usb.core.find(find_all=True, backend=self.backend, idVendor=self.vendor_id, idProduct=self.product_id)
         found = [d for d in every if self._matches(d)]
@@ -235,7 +248,7 @@ class UsbLink:
         return found[0]
 
     def _matches(self, candidate: Any) -> bool:
-        if self.serial_number is not None and candidate.serial_number != self.serial_number:
+        if self.serial_number is not None and self._serial_number_of(candidate) != self.serial_number:
             return False
         if self.interface_class is None:
             return True
@@ -244,6 +257,15 @@ class UsbLink:
             for configuration in candidate
             for i in configuration
         )
+
+    def _serial_number_of(self, candidate: Any) -> str | None:
+        try:
+            found: str | None = candidate.serial_number
+        except ValueError as error:  # without access to a device pyusb finds no strings in it
+            raise LinkLost(self.device, "its serial number cannot be read: access denied", ACCESS_REMEDY) from error
+        finally:
+            usb.util.dispose_resources(candidate)
+        return found
 
     @staticmethod
     def _configuration_value(device: Any) -> int:
@@ -272,8 +294,7 @@ class UsbLink:
         if code == errno.EPIPE:
             raise Stall(self.device, f"{doing}: refused (stall)") from error
         if code == errno.EACCES:
-            remedy = "the device is there but this account may not open it: install the udev rule of docs/devices.md"
-            raise LinkLost(self.device, f"{doing}: access denied", remedy) from error
+            raise LinkLost(self.device, f"{doing}: access denied", ACCESS_REMEDY) from error
         if code == errno.EBUSY:
             raise LinkLost(self.device, f"{doing}: in use by another program", "close the other program") from error
         if code in (errno.ENODEV, errno.ENOENT, errno.ESHUTDOWN, errno.EIO):
