@@ -93,6 +93,12 @@ def bench_1_1() -> UsbBench:
 
 
 @pytest.fixture(scope="session")
+def make_bench() -> type[UsbBench]:
+    """Give the maker of benches, for tests that need a new one for each example."""
+    return UsbBench
+
+
+@pytest.fixture(scope="session")
 def golden() -> dict[str, bytes]:
     """Give the worked bytes of the sampling bridge."""
     return {k: bytes.fromhex(v) for k, v in tomllib.loads((GOLDEN / "sampling_bridge.toml").read_text()).items()}
