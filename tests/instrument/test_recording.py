@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -352,3 +353,16 @@ def test_the_ten_lines_of_the_documentation_read_the_points(
     assert np.array_equal(np.array(rows, dtype=float)[:, 2:5], cloud.points_mm)
     assert np.array_equal(np.array(rows, dtype=float)[:, :2], cloud.grid)
     assert np.array_equal(np.array(rows, dtype=float)[:, 5], cloud.response_mv)
+
+
+def test_the_lines_of_the_documentation_unpack_the_traces(path: Path) -> None:
+    text = (Path(__file__).parents[2] / "docs" / "recording.md").read_text(encoding="utf-8")
+    example = text.split("In Python:\n")[1].split("The k-th sample")[0]
+    write(path, 1)
+    with sqlite3.connect(path) as raw:
+        row = raw.execute("SELECT rows, samples, bytes_per_sum, data FROM wave").fetchone()
+    raw.close()
+    names = ("rows", "samples", "bytes_per_sum", "data")
+    space = {"numpy": np, "zstandard": zstandard, **dict(zip(names, row, strict=True))}
+    exec(textwrap.dedent(example), space)
+    assert np.array_equal(np.asarray(space["sums"]), make_line(0).sums)

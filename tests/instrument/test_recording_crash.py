@@ -37,6 +37,7 @@ def writer() -> ModuleType:
     return module
 
 
+@pytest.mark.slow
 def test_kill_9_loses_no_acknowledged_line(tmp_path: Path, writer: ModuleType) -> None:
     """Five kills in a row on the same file; benchmarks/recording.py does two hundred."""
     path = tmp_path / "scan.db"
@@ -210,6 +211,7 @@ def test_two_programs_cannot_write_at_the_same_time(tmp_path: Path, writer: Modu
     assert [entry.name for entry in tmp_path.iterdir()] == ["scan.db"]
 
 
+@pytest.mark.slow
 def test_a_disk_that_fails_at_any_of_its_write_calls(tmp_path: Path) -> None:
     """Every pwrite, fsync and ftruncate of a whole scan fails once, and from then on; see failing_disk.py."""
     compiler = shutil.which("cc")
