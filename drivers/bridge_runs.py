@@ -155,6 +155,8 @@ class RunReader:
         except Stall as stall:
             self._link.clear_halt(EP_DATA)
             raise SpoiledRun("the data endpoint stalled") from stall
+        except ProtocolError as odd:  # for instance more bytes than the longest frame has
+            raise SpoiledRun(odd.what) from odd
         except Timeout as late:
             self._explain(late, limit_s)
             raise
