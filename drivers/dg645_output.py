@@ -35,13 +35,13 @@ class OutputPort:
     prescale = Control(
         "PRES",
         int,
-        "Control how many triggers make one pulse (int from 1 to 65535); of T0: how many make one cycle.",
+        "Control how many triggers make one pulse (of T0: one cycle) (int from 1 to 65535).",
         limits=(1, 65535),
     )
     phase = Control(
         "PHAS",
         int,
-        "Control at which of the triggers the pulse comes (int from 0 to 65534); not T0.",
+        "Control at which of these triggers the pulse comes (int from 0 to 65534; T0 has none).",
         limits=(0, 65534),
     )
 

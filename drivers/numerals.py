@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 
+LONGEST = 40
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(E[+-]?\d{1,3})?", re.ASCII | re.IGNORECASE)
 
 
@@ -18,6 +20,6 @@ def read_number(text: str) -> float:
     ValueError
         When the text is no plain decimal number.
     """
-    if len(text) > 40 or not _NUMBER.fullmatch(text):
+    if len(text) > LONGEST or not _NUMBER.fullmatch(text) or not math.isfinite(value := float(text)):
         raise ValueError(f"{text!r} is no number")
-    return float(text)
+    return value

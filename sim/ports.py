@@ -63,7 +63,7 @@ class SerialWire:
         """Take bytes from the host; the device has them when the last one has crossed the line."""
         arrival = max(self.clock.now(), self._host_line_free) + 10 * len(data) / self.firmware.baud
         self._host_line_free = arrival
-        self.clock.call_at(arrival, lambda: self.firmware.receive(data))
+        self.clock.call_at(arrival, partial(self._deliver, data))
 
     def read(self, size: int, timeout_s: float | None) -> bytes:
         """Give the host up to ``size`` bytes; waits for them until ``timeout_s`` (None: for ever)."""
@@ -81,6 +81,10 @@ class SerialWire:
     def discard(self) -> None:
         """Throw away what the host has received and not read."""
         self._to_host.clear()
+
+    def _deliver(self, data: bytes) -> None:
+        if self.plugged:
+            self.firmware.receive(data)
 
     def _send(self, data: bytes, delay_s: float) -> None:
         arrival = max(self.clock.now() + delay_s, self._device_line_free)

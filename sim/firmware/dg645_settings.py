@@ -11,6 +11,7 @@ from sim.firmware.dg645_registers import Refused
 
 ILLEGAL_VALUE, EMPTY, TOO_LONG, BAD_FLOAT, BAD_INTEGER, INTEGER_OVERFLOW = 10, 114, 117, 118, 120, 121
 LONGEST_PARAMETER = 32
+HIGHEST_LEVEL_V = 6  # amplitude and offset of an output together
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,9 @@ class Settings:
         place = self._place(row, parameters)
         value = Decimal(integer(parameters[-1])) if row.integral else number(parameters[-1])
         if not Decimal(repr(row.least)) <= value <= Decimal(repr(row.most)):
+            raise Refused(ILLEGAL_VALUE)
+        other = {"LAMP": "LOFF", "LOFF": "LAMP"}.get(name)
+        if other is not None and value + self.values[other, place] > HIGHEST_LEVEL_V:
             raise Refused(ILLEGAL_VALUE)
         self.values[name, place] = value
 

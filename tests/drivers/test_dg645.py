@@ -335,3 +335,10 @@ def test_change_of_delay_while_running_aborts_a_cycle(generator):
     generator.start_triggers()
     generator.set_delay(Channel.A, Channel.T0, 1e-7)
     assert InstrumentStatus.DELAY_ABORTED in generator.instrument_status()
+
+
+def test_amplitude_and_offset_together_stay_below_6_v(generator):
+    generator.output(Output.AB).amplitude_v = 5.0
+    with pytest.raises(DeviceFault, match="illegal value"):
+        generator.output(Output.AB).offset_v = 1.5
+    generator.output(Output.AB).offset_v = 1.0

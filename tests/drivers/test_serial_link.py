@@ -166,6 +166,17 @@ def test_pulled_cable_is_link_lost_and_can_be_plugged_in_again(link, clock, use,
     assert link.read_until(b"\n") == b"again\n"
 
 
+def test_bytes_on_the_way_are_lost_with_the_cable(link, clock):
+    link.write(b"lost\n")
+    wire_at(link.url).plugged = False
+    clock.sleep(0.1)
+    wire_at(link.url).plugged = True
+    link.close()
+    link.open()
+    link.write(b"kept\n")
+    assert link.read_until(b"\n") == b"kept\n"
+
+
 def test_port_in_use_and_missing_and_no_url(connect, link, clock):
     second = SerialLink(link.url, clock, device="second", baud=9600)
     with pytest.raises(LinkLost, match="in use"):

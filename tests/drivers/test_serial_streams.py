@@ -57,7 +57,7 @@ FIRMWARES = {
     "tc200": lambda clock: Tc200Firmware(clock, Block()),
 }
 STREAMS = {
-    "dg645": b"*IDN?\nTRAT 80000;TRAT?\nDLAY 2,0,1e-7\nDLAY?2\r\nFOO\nLERR?\n\nLAMP 1,3.3\nLAMP?1\n",
+    "dg645": b"*IDN?\nTRAT 80000\nTRAT?\nDLAY 2,0,1e-7\nDLAY?2\r\nFOO\nLERR?\n\nLAMP 1,3.3\nLAMP?1\n",
     "genesys": b"ADR 6\rIDN?\rPV 29\x0880\rPV?\rOUT?$E3\r\\\rFOO\r\rDVC?\r",
     "mecom": b"junk#01A0#01A002?VR03E8016A8C\r#01A003VS0BB80141B80000482A\r#01A00A?VR0BB801E238\r",
     "tc200": b"*idn?\rtset=40\rtset?\rfoo\rstat?\rmode=normal\r\rens\rstat?\r",
