@@ -33,10 +33,14 @@ def banners(
     if recording.laser_off_verified is False:
         what = "The read-back after the scan did not show the laser off. Check the bench before anybody comes near it."
         found.append(Banner("fail", "✖", "LASER OFF NOT VERIFIED", [what]))
+    if not recording.complete:
+        lines = f"{len(recording.done)} of {recording.raster['rows']} lines are there."
+        found.append(
+            Banner("caution", "▲", "SCAN NOT COMPLETE", [f"{lines} Ended: {recording.stop_reason or 'never closed'}."])
+        )
     if registration is None:
-        word = "SCAN COMPLETE" if recording.complete else "SCAN NOT COMPLETE"
-        kind, symbol = ("plain", "✔") if recording.complete else ("caution", "▲")
-        found.append(Banner(kind, symbol, word, [f"Ended: {recording.stop_reason or 'never closed'}. Not registered."]))
+        if recording.complete:
+            found.append(Banner("plain", "✔", "SCAN COMPLETE", ["Not registered."]))
         return found
     if truth_error is not None and not all(truth_error[name] <= limit for name, limit in _CLINIC.items()):
         what = "The simulated bench knows the true pose: the error is above the clinic's 1 degree or 1 mm."

@@ -197,7 +197,7 @@ def test_the_same_data_give_the_same_pictures(full: tuple[str, Path], tmp_path: 
 
 
 def small(path: Path) -> Recording:
-    return scan(path, rows=2, traces=False)
+    return scan(path, rows=2, traces=False, reason="aborted")
 
 
 def quick(**kwargs: Any) -> Found:
@@ -215,7 +215,8 @@ def test_other_verdicts(tmp_path: Path, verdict: str, word: str) -> None:
 def test_a_pose_that_the_simulated_bench_knows_to_be_wrong(tmp_path: Path) -> None:
     truth = {"rotation_deg": 1.2, "translation_mm": 0.2, "tre_mm": 0.5}
     page, _ = report(tmp_path, small(tmp_path / "scan.db"), registration=quick(), truth_error=truth)
-    assert page.index("WRONG POSE") < page.index("PASSED")
+    assert page.index("SCAN NOT COMPLETE") < page.index("WRONG POSE") < page.index("PASSED")
+    assert "2 of 12 lines are there. Ended: aborted." in page
 
 
 def test_scan_alone_without_traces(tmp_path: Path) -> None:
