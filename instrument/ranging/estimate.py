@@ -183,4 +183,4 @@ def _stack(traces: FloatArray | Sequence[ArrayLike], samples: int) -> tuple[Floa
 
 def _nothing(records: int) -> Ranges:
     blank = np.full(records, np.nan)
-    return Ranges(blank, blank, blank, np.full(records, Flag.NO_REFERENCE, dtype=np.uint16), blank, blank, blank)
+    return Ranges(blank, blank, blank, np.full(records, Flag.NO_REFERENCE, dtype=np.uint16), blank, blank, blank, blank)

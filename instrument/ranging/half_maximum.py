@@ -116,6 +116,8 @@ def join(start: Edges, stop: Edges, coarse: CoarseTraces) -> PulsePair:
     return PulsePair(
         reference_ps=start.time_ps,
         reference_mv=start.height_mv,
+        reference_variance_ps2=start.time_variance_ps2 + start.baseline_ps_per_mv**2 * coarse.baseline_variance_mv2,
+        echo_variance_ps2=stop.time_variance_ps2 + stop.baseline_ps_per_mv**2 * coarse.baseline_variance_mv2,
         interval_ps=stop.time_ps - start.time_ps,
         interval_variance_ps2=start.time_variance_ps2 + stop.time_variance_ps2 + common,
         response_mv=stop.height_mv,

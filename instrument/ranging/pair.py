@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from instrument.calibration import Calibration, Method
-from instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, Ranges
+from instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, PerRecord, Ranges
 from instrument.ranging.settings import RangingSettings
 from instrument.scan_line import NO_RANGE, Flag
 
@@ -16,15 +17,19 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 FlagArray = NDArray[np.uint16]
 
+LEAST_SHARED = 8
+
 
 @dataclass(frozen=True)
-class PulsePair:
+class PulsePair(PerRecord):
     """Reference and echo of R records; every array is (R,), NaN where a pulse has no time-significant point.
 
     Attributes
     ----------
     reference_ps, reference_mv : float arrays
         Time-significant point and amplitude of the reference.
+    reference_variance_ps2, echo_variance_ps2 : float arrays
+        Variances of the two time-significant points by themselves.
     interval_ps, interval_variance_ps2 : float arrays
         From its time-significant point to that of the echo.
     response_mv, response_variance_mv2 : float arrays
@@ -35,11 +40,43 @@ class PulsePair:
 
     reference_ps: FloatArray
     reference_mv: FloatArray
+    reference_variance_ps2: FloatArray
+    echo_variance_ps2: FloatArray
     interval_ps: FloatArray
     interval_variance_ps2: FloatArray
     response_mv: FloatArray
     response_variance_mv2: FloatArray
     covariance_ps_mv: FloatArray
+
+
+def share_reference(pair: PulsePair, use: BoolArray) -> PulsePair:
+    """Replace each record's reference by the mean over the records, if their scatter is that of the noise alone.
+
+    The reference stands still over a line: the same fibre, and a delay that drifts with the temperature of the diode.
+    Its mean then has ``1 / sum(1 / var)`` instead of ``var``, so that nearly all the variance left is that of the
+    echo. When the scatter is greater than noise explains at five standard deviations, every record keeps its own.
+
+    Parameters
+    ----------
+    pair : PulsePair
+    use : (R,) bool array
+        Records whose reference is good.
+    """
+    count = int(use.sum())
+    if count < LEAST_SHARED:
+        return pair
+    weight = np.where(use, 1.0 / pair.reference_variance_ps2, 0.0)
+    place = np.where(use, pair.reference_ps, 0.0)
+    mean = float(weight @ place / weight.sum())
+    scatter = float(weight @ (place - mean) ** 2)
+    if scatter > (count - 1) + 5.0 * math.sqrt(2.0 * (count - 1)):
+        return pair
+    return replace(
+        pair,
+        reference_ps=np.where(use, mean, pair.reference_ps),
+        interval_ps=np.where(use, pair.reference_ps + pair.interval_ps - mean, pair.interval_ps),
+        interval_variance_ps2=np.where(use, pair.echo_variance_ps2 + 1.0 / weight.sum(), pair.interval_variance_ps2),
+    )
 
 
 def to_ranges(
@@ -51,9 +88,7 @@ def to_ranges(
     The noise of the response moves the walk correction with it, so to first order the variance is that of
     ``c / 2 x Ti - w' A`` with w' the slope of the walk.
     """
-    if calibration and calibration.reference_ps:
-        earliest, latest = calibration.reference_ps
-        mark(flags, Flag.NO_REFERENCE, ~((pair.reference_ps >= earliest) & (pair.reference_ps <= latest)))
+    mark_misplaced(flags, pair, calibration)
     scale = RANGE_PER_INTERVAL_MM_PER_PS
     none = (flags & np.uint16(NO_RANGE)) != 0
     no_reference = (flags & np.uint16(Flag.NO_REFERENCE)) != 0
@@ -82,7 +117,16 @@ def to_ranges(
         bias_sd_mm=np.where(none, np.nan, bias_sd),
         reference_ps=np.where(no_reference, np.nan, pair.reference_ps),
         reference_mv=np.where(no_reference, np.nan, pair.reference_mv),
+        echo_ps=np.where(none, np.nan, pair.reference_ps + pair.interval_ps),
     )
+
+
+def mark_misplaced(flags: FlagArray, pair: PulsePair, calibration: Calibration | None) -> None:
+    """Flag references that are not where the calibration has them: some other pulse was taken for it."""
+    if calibration and calibration.reference_ps:
+        earliest, latest = calibration.reference_ps
+        with np.errstate(invalid="ignore"):
+            mark(flags, Flag.NO_REFERENCE, ~((pair.reference_ps >= earliest) & (pair.reference_ps <= latest)))
 
 
 def mark(flags: FlagArray, flag: Flag, where: BoolArray) -> None:

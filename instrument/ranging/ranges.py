@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,21 @@ RANGE_PER_INTERVAL_MM_PER_PS = SPEED_OF_LIGHT_MM_PER_PS / 2  # there and back
 
 
 @dataclass(frozen=True)
-class Ranges:
+class PerRecord:
+    """Base of dataclasses whose fields are all arrays with one entry a record."""
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Put several groups of records one after the other."""
+        return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
+
+    def taken(self, records: NDArray[np.integer]) -> Self:
+        """Return some of the records, in the order asked for."""
+        return replace(self, **{field.name: getattr(self, field.name)[records] for field in fields(self)})
+
+
+@dataclass(frozen=True)
+class Ranges(PerRecord):
     """Ranges of R records; every array is (R,).
 
     Attributes
@@ -34,6 +49,8 @@ class Ranges:
         Time-significant point of the reference on the trace; NaN without reference.
     reference_mv : float array
         Amplitude of the reference; NaN without it.
+    echo_ps : float array
+        Time-significant point of the echo on the trace; NaN like the range.
     """
 
     range_mm: NDArray[np.float64]
@@ -43,8 +60,4 @@ class Ranges:
     bias_sd_mm: NDArray[np.float64]
     reference_ps: NDArray[np.float64]
     reference_mv: NDArray[np.float64]
-
-    @classmethod
-    def joined(cls, parts: Sequence[Ranges]) -> Ranges:
-        """Put the ranges of several groups of records one after the other."""
-        return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
+    echo_ps: NDArray[np.float64]

@@ -25,9 +25,9 @@ class RangingSettings:
         For that long after a pulse's peak, whatever is below that share of it is its own ringing.
     low_response_mv : float
         Echoes below are flagged.
-    worst_misfit, worst_residual : float
-        An echo that the template fits worse than this mean square (in variances of the noise; 1.8 is five standard
-        deviations for 100 samples) and than this share of its amplitude has not the form of one surface.
+    worst_misfit_sigmas, worst_residual : float
+        An echo whose fit leaves residuals so many standard deviations above what noise gives, and greater than this
+        share of its amplitude, has not the form of one surface.
     clip_mv : (float, float)
         A mean outside is clipped. Codes 1 and 254 of the reference device: a mean beyond the last whole code
         must have an end code (0 or 255) in its sum.
@@ -41,6 +41,6 @@ class RangingSettings:
     ringing_ps: float = 1200.0
     ringing_share: float = 0.15
     low_response_mv: float = 15.0
-    worst_misfit: float = 1.8
+    worst_misfit_sigmas: float = 6.0
     worst_residual: float = 0.02
     clip_mv: tuple[float, float] = (-15.5, 111.0)

@@ -1,7 +1,7 @@
 """`ShapeTable`: a pulse and what a fit needs of it, at any place of the sampling grid, by look-up.
 
 A model ``s(t) = A g(t - tau; A)`` whose shape g changes slowly with the amplitude A, sampled every ``step_ps``. For a
-ladder of amplitudes and for `PHASES` places of the 50 % point between two samples, the table holds the signal s, its
+ladder of amplitudes and for several places of the 50 % point between two samples, the table holds the signal s, its
 derivatives ``d = (ds/dtau, ds/dA, 1) = (-s', g + A dg/dA, 1)``, the inverse variance w of a sample there, and running
 sums of the normal equations, so that those of any piece are the difference of two entries. Between the entries the
 linear model of a Gauss-Newton step is exact to 1e-3 of the noise.
@@ -21,9 +21,9 @@ from instrument.calibration import ShotNoise
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-PHASES = 16
-RUNG = 1.1  # ratio of neighbouring amplitudes
-BEFORE_PS, BEHIND_PS = 1000.0, 2600.0  # reach of a piece about the 50 % point
+PHASE_PS = 1.0  # places of the 50 % point between two samples lie at most so far apart
+RUNG = 1.15  # ratio of neighbouring amplitudes
+REACH_PS = 1200.0  # of a piece to either side of the 50 % point
 PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
@@ -51,6 +51,11 @@ class ShapeTable:
         Noise of a sample; its floor must be known.
     step_ps : float
         Sampling step of the traces to be fitted.
+
+    Attributes
+    ----------
+    usual_mv : float
+        Middle one of the amplitudes.
     """
 
     def __init__(
@@ -63,11 +68,13 @@ class ShapeTable:
         step_ps: float,
     ) -> None:
         self.step_ps = step_ps
+        self.usual_mv = float(response_mv[len(response_mv) // 2])
         lowest, highest = response_mv[0] / 2, response_mv[-1] * 2
         self._ladder = np.geomspace(lowest, highest, int(np.ceil(np.log(highest / lowest) / np.log(RUNG))) + 1)
-        self._before = int(np.ceil(BEFORE_PS / step_ps))
-        self._length = self._before + int(np.ceil(BEHIND_PS / step_ps))
-        shift = np.arange(PHASES)[:, None] / PHASES
+        self._phases = int(np.ceil(step_ps / PHASE_PS))
+        self._before = int(np.ceil(REACH_PS / step_ps))
+        self._length = 2 * self._before
+        shift = np.arange(self._phases)[:, None] / self._phases
         time = (np.arange(self._length) - self._before - shift) * step_ps  # (P, N) after the 50 % point
         own = start_ps + spacing_ps * np.arange(shapes.shape[1])
         spline = CubicSpline(own, shapes, axis=1)
@@ -98,11 +105,11 @@ class ShapeTable:
         spacing = np.log(self._ladder[-1] / lowest) / (len(self._ladder) - 1)
         rung = np.rint(np.log(np.maximum(amplitude_mv, lowest) / lowest) / spacing).astype(np.int64)
         rung = np.minimum(rung, len(self._ladder) - 1)
-        steps = np.rint(delay_ps / self.step_ps * PHASES).astype(np.int64)
-        steps = np.clip(steps, (samples - self._length + self._before) * PHASES, self._before * PHASES)
-        whole, phase = np.divmod(steps, PHASES)
-        first = (rung * PHASES + phase) * self._length + self._before - whole
-        placed = np.asarray(steps * (self.step_ps / PHASES), dtype=np.float64)
+        steps = np.rint(delay_ps / self.step_ps * self._phases).astype(np.int64)
+        steps = np.clip(steps, (samples - self._before) * self._phases, self._before * self._phases)
+        whole, phase = np.divmod(steps, self._phases)
+        first = (rung * self._phases + phase) * self._length + self._before - whole
+        placed = np.asarray(steps * (self.step_ps / self._phases), dtype=np.float64)
         return Entries(first, placed, self._ladder[rung])
 
     def normal_matrix(self, entries: Entries, samples: int) -> FloatArray:

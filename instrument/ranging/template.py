@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
 from functools import lru_cache
 
 import numpy as np
@@ -70,7 +71,8 @@ def fit_pair(
         fits.append(fit_pulses(pieces, table, guess, np.nan_to_num(edges.height_mv, nan=1.0), sweeps))
         firsts.append(times_ps[first])
     lost = np.isnan(start.time_ps) | np.isnan(stop.time_ps)
-    pair = combine(fits[0], fits[1], firsts[0], firsts[1], coarse.baseline_mv, coarse.baseline_variance_mv2)
+    echo = unreliable(fits[1], lost)
+    pair = combine(fits[0], echo, firsts[0], firsts[1], coarse.baseline_mv, coarse.baseline_variance_mv2)
     return _without(pair, lost, np.isnan(start.time_ps)), fits[1]
 
 
@@ -106,6 +108,8 @@ def combine(
     return PulsePair(
         reference_ps=reference_first_ps + first[:, 0],
         reference_mv=first[:, 1],
+        reference_variance_ps2=first_own[:, 0, 0] + first_share[:, 0] ** 2 / total,
+        echo_variance_ps2=second_own[:, 0, 0] + second_share[:, 0] ** 2 / total,
         interval_ps=echo_first_ps - reference_first_ps + second[:, 0] - first[:, 0],
         interval_variance_ps2=first_own[:, 0, 0] + second_own[:, 0, 0] + delay_share**2 / total,
         response_mv=second[:, 1],
@@ -117,7 +121,16 @@ def combine(
 def bad_fit(fit: PulseFit, limits: RangingSettings) -> NDArray[np.bool_]:
     """Return where a pulse does not have the shape of the calibration: more misfit than noise gives, and more than a
     shape that has aged a little."""
-    return (fit.misfit > limits.worst_misfit) & (fit.residual_mv > limits.worst_residual * fit.amplitude_mv)
+    return (fit.misfit_sigmas > limits.worst_misfit_sigmas) & (
+        fit.residual_mv > limits.worst_residual * fit.amplitude_mv
+    )
+
+
+def unreliable(fit: PulseFit, where: NDArray[np.bool_]) -> PulseFit:
+    """Return a fit whose baseline counts for nothing where there is no pulse, so that it does not move the other
+    one."""
+    covariance = np.where(where[:, None, None], np.eye(3) * 1e12, fit.covariance)
+    return fit._replace(baseline_mv=np.where(where, 0.0, fit.baseline_mv), covariance=covariance)
 
 
 def _cut(traces_mv: FloatArray, times_ps: FloatArray, edge_ps: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
@@ -130,15 +143,12 @@ def _cut(traces_mv: FloatArray, times_ps: FloatArray, edge_ps: FloatArray) -> tu
 
 
 def _without(pair: PulsePair, lost: NDArray[np.bool_], no_reference: NDArray[np.bool_]) -> PulsePair:
-    def blank(values: FloatArray, where: NDArray[np.bool_]) -> FloatArray:
-        return np.where(where, np.nan, values)
-
-    return PulsePair(
-        blank(pair.reference_ps, no_reference),
-        blank(pair.reference_mv, no_reference),
-        blank(pair.interval_ps, lost),
-        blank(pair.interval_variance_ps2, lost),
-        blank(pair.response_mv, lost),
-        blank(pair.response_variance_mv2, lost),
-        blank(pair.covariance_ps_mv, lost),
+    """Blank what has no time-significant point."""
+    alone = ("reference_ps", "reference_mv", "reference_variance_ps2")
+    return replace(
+        pair,
+        **{
+            field.name: np.where(no_reference if field.name in alone else lost, np.nan, getattr(pair, field.name))
+            for field in fields(pair)
+        },
     )

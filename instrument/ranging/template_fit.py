@@ -15,6 +15,7 @@ MOST_STEPS = 6
 LARGEST_MOVE_PS = 60.0
 SETTLED_PS = 3.0  # a Gauss-Newton step that short leaves an error of its square over the rise time
 OUTLIER_SIGMAS = 5.5
+MOST_OUTLIERS = 0.02  # more than that share of the samples is not a misfired shot but another shape
 # Knowledge before the fit, 1e4 ps and 1e4 mV: nothing to a real pulse, but a piece without one stays solvable.
 RIDGE = np.eye(3) * 1e-8
 
@@ -28,17 +29,18 @@ class PulseFit(NamedTuple):
         The delay counts from the first sample of the piece.
     covariance : (R, 3, 3) float array
         Of these three, for the sweeps averaged.
-    misfit : (R,) float array
-        Mean square of the residuals over their variance: 1 when shape and noise are right.
+    misfit_sigmas : (R,) float array
+        By how many of its standard deviations the sum of squared residuals over their variances is more than noise
+        gives: above 5 or 6 the shape is another one.
     residual_mv : (R,) float array
-        Their root mean square.
+        Root mean square of the residuals.
     """
 
     delay_ps: FloatArray
     amplitude_mv: FloatArray
     baseline_mv: FloatArray
     covariance: FloatArray
-    misfit: FloatArray
+    misfit_sigmas: FloatArray
     residual_mv: FloatArray
 
 
@@ -52,8 +54,8 @@ def fit_pulses(
     """Fit ``b + s(t; tau, A)`` to pieces of traces by Gauss-Newton steps on the weighted residuals.
 
     With independent normal noise of known variance this is the maximum of the likelihood, and the inverse of the normal
-    matrix is the Cramer-Rao bound of the piece (docs/ranging.md). Samples that lie far off the fit, as those of a shot
-    that misfired, are then replaced by it, which leaves them out, and these records are fitted once more.
+    matrix is the Cramer-Rao bound of the piece (docs/ranging.md). A few samples that lie far off the fit, as those of
+    a shot that misfired, are then replaced by it, which leaves them out, and these records are fitted once more.
 
     Parameters
     ----------
@@ -68,20 +70,22 @@ def fit_pulses(
     fit = _fit(pieces_mv, table, delay_ps, amplitude_mv, sweeps)
     left, weight = fit.residuals
     far = left**2 * weight * sweeps[:, None] > OUTLIER_SIGMAS**2
-    again = np.flatnonzero(far.any(axis=1))
+    count = far.sum(axis=1)
+    again = np.flatnonzero((count > 0) & (count <= max(2, MOST_OUTLIERS * pieces_mv.shape[1])))
     if len(again):
         mended = np.where(far[again], pieces_mv[again] - left[again], pieces_mv[again])
         better = _fit(mended, table, fit.delay_ps[again], fit.amplitude_mv[again], sweeps[again])
         for old, new in zip(fit.arrays, better.arrays, strict=True):
             old[again] = new
     left, weight = fit.residuals
-    misfit = np.einsum("rm,rm,rm->r", left, left, weight) * sweeps / (pieces_mv.shape[1] - 3)
+    freedom = pieces_mv.shape[1] - 3
+    misfit = np.einsum("rm,rm,rm->r", left, left, weight) * sweeps
     return PulseFit(
         fit.delay_ps,
         fit.amplitude_mv,
         fit.baseline_mv,
         fit.covariance,
-        misfit,
+        (misfit - freedom) / np.sqrt(2.0 * freedom),
         np.sqrt(np.einsum("rm,rm->r", left, left) / pieces_mv.shape[1]),
     )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,21 +11,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from instrument.calibration import Calibration
 from instrument.errors import BadInput
-from instrument.ranging.pair import PulsePair, mark, to_ranges
+from instrument.ranging.pair import PulsePair, mark, mark_misplaced, share_reference, to_ranges
 from instrument.ranging.ranges import Ranges
 from instrument.ranging.settings import RangingSettings
 from instrument.ranging.shape_table import ShapeTable
-from instrument.ranging.template import LEAD_PS, TRAIL_PS, bad_fit, combine, tables
+from instrument.ranging.template import LEAD_PS, TRAIL_PS, bad_fit, combine, tables, unreliable
 from instrument.ranging.template_fit import PulseFit, fit_pulses
+from instrument.ranging.window import Place, Window
 from instrument.scan_line import Flag
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+FlagArray = NDArray[np.uint16]
 
 SMOOTH_PS = 60.0
 FOOT_PS, TOP_PS = 80.0, 130.0  # least way of the 50 % point from either end of its window
 LEAST_SAMPLES = 12
-BLOCK = 256  # records handled together: their windows stay in the cache
+BLOCK = 512  # records handled together: their windows stay in the cache
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,7 @@ def estimate_windows(
     *,
     calibration: Calibration,
     clipped: ArrayLike = False,
+    shared_reference: bool = False,
     settings: RangingSettings | None = None,
 ) -> Ranges:
     """Range records of two windows, one over the reference and one over the place where the echo is expected.
@@ -95,22 +100,89 @@ def estimate_windows(
         With templates and noise.
     clipped : (R,) bool array, optional
         Records in which the device has seen samples at an end of its A/D.
+    shared_reference : bool
+        Use the mean place of the reference over these records (taken one shortly after the other, as those of a line)
+        if their scatter allows it; see `pair.share_reference`.
 
     Raises
     ------
     BadInput
         When the calibration has no templates, or the windows are not of the same records.
     """
+    limits = settings or RangingSettings()
+    seen_clipped = np.broadcast_to(np.asarray(clipped, dtype=np.bool_), (len(reference.values_mv),))
+    pair, flags = _pairs(reference, echo, seen_clipped, calibration, limits)
+    return _ranges(pair, flags, shared_reference, calibration, limits)
+
+
+def estimate_places(
+    places: Sequence[Place],
+    traces_mv: Sequence[tuple[ArrayLike, ArrayLike]],
+    *,
+    calibration: Calibration,
+    clipped: ArrayLike = False,
+    shared_reference: bool = False,
+    settings: RangingSettings | None = None,
+) -> Ranges:
+    """Range places whose windows may differ in length, step and sweeps, those of the same form together.
+
+    Parameters
+    ----------
+    places : sequence of N Place
+        The windows as they were taken.
+    traces_mv : sequence of N pairs of arrays
+        Mean traces of the reference window and the echo window. A trace of another length than its window is flagged
+        as without reference.
+    calibration, clipped, shared_reference, settings
+        As `estimate_windows`.
+    """
+    limits = settings or RangingSettings()
+    seen_clipped = np.broadcast_to(np.asarray(clipped, dtype=np.bool_), (len(places),))
+    forms: dict[tuple[float, int, float, int], list[int]] = defaultdict(list)
+    for number, place in enumerate(places):
+        r, e = place.reference, place.echo
+        forms[r.step_ps, r.samples, e.step_ps, e.samples].append(number)
+    order: list[int] = []
+    pairs: list[PulsePair] = []
+    flags: list[FlagArray] = []
+    for numbers in forms.values():
+        reference = _gather([(places[n].reference, traces_mv[n][0]) for n in numbers])
+        echo = _gather([(places[n].echo, traces_mv[n][1]) for n in numbers])
+        pair, found = _pairs(reference, echo, seen_clipped[numbers], calibration, limits)
+        order += numbers
+        pairs.append(pair)
+        flags.append(found)
+    back = np.argsort(order)
+    return _ranges(
+        PulsePair.joined(pairs).taken(back), np.concatenate(flags)[back], shared_reference, calibration, limits
+    )
+
+
+def _gather(windows: Sequence[tuple[Window, ArrayLike]]) -> WindowTraces:
+    """Put windows of the same form together; a trace of another length becomes NaN."""
+    samples = windows[0][0].samples
+    rows = [np.asarray(trace, dtype=np.float64) for _, trace in windows]
+    return WindowTraces.of(
+        np.stack([row if row.shape == (samples,) else np.full(samples, np.nan) for row in rows]),
+        [window.start_ps for window, _ in windows],
+        windows[0][0].step_ps,
+        [window.sweeps for window, _ in windows],
+    )
+
+
+def _pairs(
+    reference: WindowTraces,
+    echo: WindowTraces,
+    seen_clipped: BoolArray,
+    calibration: Calibration,
+    limits: RangingSettings,
+) -> tuple[PulsePair, FlagArray]:
     records = len(reference.values_mv)
     if records != len(echo.values_mv):
         raise BadInput(f"{records} reference windows and {len(echo.values_mv)} echo windows")
-    seen_clipped = np.broadcast_to(np.asarray(clipped, dtype=np.bool_), (records,))
-    limits = settings or RangingSettings()
-    parts = [
-        _block(reference.part(part), echo.part(part), seen_clipped[part], calibration, limits)
-        for part in (slice(first, first + BLOCK) for first in range(0, max(records, 1), BLOCK))
-    ]
-    return Ranges.joined(parts)
+    blocks = [slice(first, first + BLOCK) for first in range(0, max(records, 1), BLOCK)]
+    found = [_block(reference.part(b), echo.part(b), seen_clipped[b], calibration, limits) for b in blocks]
+    return PulsePair.joined([pair for pair, _ in found]), np.concatenate([flags for _, flags in found])
 
 
 def _block(
@@ -119,7 +191,7 @@ def _block(
     seen_clipped: BoolArray,
     calibration: Calibration,
     limits: RangingSettings,
-) -> Ranges:
+) -> tuple[PulsePair, FlagArray]:
     first_fit, first_ps, no_reference = _fit(reference, tables(calibration, reference.step_ps)[0], limits)
     second_fit, second_ps, no_echo = _fit(echo, tables(calibration, echo.step_ps)[1], limits)
     flags = np.zeros(len(reference.values_mv), dtype=np.uint16)
@@ -130,7 +202,16 @@ def _block(
     for window in (reference, echo):
         mark(flags, Flag.CLIPPED, (window.values_mv.min(axis=1) < lowest) | (window.values_mv.max(axis=1) > highest))
     mark(flags, Flag.CLIPPED, seen_clipped)
-    pair: PulsePair = combine(first_fit, second_fit, first_ps, second_ps)
+    pair = combine(unreliable(first_fit, no_reference), unreliable(second_fit, no_echo), first_ps, second_ps)
+    return pair, flags
+
+
+def _ranges(
+    pair: PulsePair, flags: FlagArray, shared_reference: bool, calibration: Calibration, limits: RangingSettings
+) -> Ranges:
+    mark_misplaced(flags, pair, calibration)
+    if shared_reference:
+        pair = share_reference(pair, (flags & np.uint16(Flag.NO_REFERENCE)) == 0)
     return to_ranges(pair, flags, "template", calibration, limits)
 
 

@@ -1,0 +1,221 @@
+"""`WindowPlanner`: where the windows of the next line lie, and how many shots are just enough.
+
+A whole line runs without the host (advance input), so its windows are chosen before it, from the lines that are done:
+
+* the reference window always lies where the reference was seen last;
+* the echo is expected where the line before saw it in the same column, continued by the step from the line before that;
+  the margin grows with the differences to the neighbours;
+* places of the first line, places without a neighbour that had an echo, and places taken again get a wide window over
+the
+  whole working range. With a step of a tenth of the rise time and more, that costs little more than a narrow one.
+
+Step, samples and sweeps are the cheapest ones that promise the wanted uncertainty at the response seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from instrument.calibration import Calibration
+from instrument.errors import BadInput
+from instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, Ranges
+from instrument.ranging.template import tables
+from instrument.ranging.window import Place, Window, promised_sd_mm
+from instrument.scan_line import NO_RANGE, Flag
+
+FloatArray = NDArray[np.float64]
+
+FOOT_PS, TOP_PS = 180.0, 240.0  # from before the rise to behind the peak
+MARGINS_PS = (30.0, 60.0, 120.0, 240.0)
+REFERENCE_MARGIN_PS = 20.0
+LEAST_RESPONSE_MV = 3.0
+RETRY = Flag.NO_ECHO | Flag.NO_REFERENCE | Flag.MIXED
+
+
+@dataclass(frozen=True)
+class PlanSettings:
+    """What the planner aims at.
+
+    Attributes
+    ----------
+    wanted_sd_mm : float
+        Standard deviation that each range is to have.
+    nearest_mm, farthest_mm : float
+        Working range.
+    settle_shots : int
+        Shots that the device throws away before each sweep; they count as cost.
+    steps_ps : tuple of floats
+        Steps to choose from, coarse to fine.
+    sweeps : tuple of ints
+        Numbers of sweeps to choose from, rising. One step and one number make the shots fixed.
+    shared_reference : bool
+        Whether the ranges of a line will share their reference; a few shots on it are then enough.
+    first_response_mv : float
+        Response to plan for while none has been seen.
+    """
+
+    wanted_sd_mm: float = 0.2
+    nearest_mm: float = 620.0
+    farthest_mm: float = 1000.0
+    settle_shots: int = 16
+    steps_ps: tuple[float, ...] = (26.8, 20.1, 13.4, 10.0, 6.7, 5.0)
+    sweeps: tuple[int, ...] = (1, 2, 3, 4, 6, 8)
+    shared_reference: bool = True
+    first_response_mv: float = 30.0
+
+
+@dataclass
+class WindowPlanner:
+    """Plans one line after the other.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        With templates, noise, and ``reference_ps``.
+    columns : int
+        Places in a line.
+    settings : PlanSettings
+
+    Raises
+    ------
+    BadInput
+        When the calibration lacks what is needed.
+    """
+
+    calibration: Calibration
+    columns: int
+    settings: PlanSettings = field(default_factory=PlanSettings)
+
+    def __post_init__(self) -> None:
+        tables(self.calibration, self.settings.steps_ps[0])
+        self._reference = self._calibrated_reference()
+        blank = np.full(self.columns, np.nan)
+        self._echo_ps: list[FloatArray] = [blank, blank]  # the last line, and the one before
+        self._response_mv: FloatArray = blank
+        self._choose = lru_cache(maxsize=256)(self._cheapest)
+
+    def line(self) -> list[Place]:
+        """Return the windows of all places of the next line."""
+        expected, margin = self._expectation()
+        response = _filled(self._response_mv)
+        return [
+            self._place(float(expected[c]), float(margin[c]), float(response[c]), self._reference)
+            for c in range(self.columns)
+        ]
+
+    def wide(self, columns: Sequence[int] | NDArray[np.integer]) -> list[Place]:
+        """Return wide windows for some places, to take them again; the reference, too, is looked for anew."""
+        response = _filled(self._response_mv)
+        reference = self._calibrated_reference()
+        return [self._place(np.nan, np.nan, float(response[c]), reference) for c in columns]
+
+    def lost(self, places: Sequence[Place], ranges: Ranges) -> NDArray[np.intp]:
+        """Return the columns to be taken again: no echo, no reference or a poor fit in a narrow window. What a wide
+        window has not found is not there."""
+        narrow = np.array([not place.wide for place in places], dtype=np.bool_)
+        return np.flatnonzero(narrow & ((ranges.flags & np.uint16(RETRY)) != 0))
+
+    def merged(self, ranges: Ranges, columns: NDArray[np.intp], again: Ranges) -> Ranges:
+        """Return the line with the places taken again in the place of the first try, flagged as `Flag.RETAKEN`."""
+        order = np.arange(len(ranges.flags))
+        order[columns] = len(order) + np.arange(len(columns))
+        flagged = replace(again, flags=again.flags | np.uint16(Flag.RETAKEN))
+        return Ranges.joined([ranges, flagged]).taken(order)
+
+    def learn(self, ranges: Ranges) -> None:
+        """Take in a line that is done; the next one is planned from it.
+
+        Raises
+        ------
+        BadInput
+            When it has another number of places.
+        """
+        if len(ranges.echo_ps) != self.columns:
+            raise BadInput(f"a line of {len(ranges.echo_ps)} places for a raster of {self.columns} columns")
+        good = (ranges.flags & np.uint16(NO_RANGE)) == 0
+        self._echo_ps = [np.where(good, ranges.echo_ps, np.nan), self._echo_ps[0]]
+        self._response_mv = np.where(good, ranges.response_mv, np.nan)
+        if np.isfinite(ranges.reference_ps).any():
+            self._reference = float(np.nanmedian(ranges.reference_ps)), REFERENCE_MARGIN_PS
+
+    def _calibrated_reference(self) -> tuple[float, float]:
+        """Return where the calibration has the reference, and by how much that may be wrong."""
+        if self.calibration.reference_ps is None:
+            raise BadInput("windows need a calibration with reference_ps, the place of the reference on the trace")
+        earliest, latest = self.calibration.reference_ps
+        return (earliest + latest) / 2, (latest - earliest) / 2 + REFERENCE_MARGIN_PS
+
+    def _expectation(self) -> tuple[FloatArray, FloatArray]:
+        """Return where each echo is expected (ps, NaN: unknown) and by how much that may be wrong."""
+        last, before = self._echo_ps
+        step = np.where(np.isfinite(last - before), last - before, 0.0)
+        padded = np.pad(last, 1, constant_values=np.nan)
+        around = np.stack([np.abs(padded[:-2] - last), np.abs(padded[2:] - last), np.abs(step)])
+        spread = np.max(np.where(np.isfinite(around), around, 0.0), axis=0)
+        # A place whose own column had no echo is expected between its neighbours, if these agree.
+        between = (padded[:-2] + padded[2:]) / 2
+        apart = np.abs(padded[:-2] - padded[2:])
+        expected = np.where(np.isfinite(last), last + step, between)
+        margin = np.where(np.isfinite(last), spread, apart) + MARGINS_PS[0]
+        return np.where(margin <= MARGINS_PS[-1], expected, np.nan), margin
+
+    def _place(
+        self, expected_ps: float, margin_ps: float, response_mv: float, reference_place: tuple[float, float]
+    ) -> Place:
+        reference_ps, reference_margin_ps = reference_place
+        wide = not np.isfinite(expected_ps)
+        if wide:
+            zero, scale = self.calibration.range_zero_mm, RANGE_PER_INTERVAL_MM_PER_PS
+            nearest = reference_ps + (self.settings.nearest_mm - zero) / scale
+            farthest = reference_ps + (self.settings.farthest_mm - zero) / scale
+            expected_ps, margin_ps = (nearest + farthest) / 2, (farthest - nearest) / 2
+        else:
+            margin_ps = next(m for m in MARGINS_PS if m >= margin_ps)
+        response = self.settings.first_response_mv if np.isnan(response_mv) else response_mv
+        # Planned for a little less, in steps of a tenth: then only few forms of windows occur.
+        rung = float(1.1 ** np.floor(np.log(max(response, LEAST_RESPONSE_MV)) / np.log(1.1)))
+        reference, echo = self._choose(reference_margin_ps, margin_ps, rung)
+        return Place(_at(reference, reference_ps), _at(echo, expected_ps), wide)
+
+    def _cheapest(self, reference_margin_ps: float, margin_ps: float, response_mv: float) -> tuple[Window, Window]:
+        """Return the windows (their start against the pulse's 50 % point) with the fewest shots that promise what is
+        wanted; if none does, the best there are."""
+        s = self.settings
+        references, echoes = self._windows(reference_margin_ps), self._windows(margin_ps)
+        promised = promised_sd_mm(
+            self.calibration,
+            references,
+            echoes,
+            response_mv=response_mv,
+            room_ps=(reference_margin_ps + FOOT_PS, margin_ps + FOOT_PS),
+            sharing=self.columns if s.shared_reference else 1,
+        )
+        shots = np.add.outer([w.shots(s.settle_shots) for w in references], [w.shots(s.settle_shots) for w in echoes])
+        enough = promised <= s.wanted_sd_mm
+        best = np.argmin(np.where(enough, shots, np.inf)) if enough.any() else np.argmin(promised)
+        r, e = np.unravel_index(best, promised.shape)
+        return references[r], echoes[e]
+
+    def _windows(self, margin_ps: float) -> list[Window]:
+        """Return the windows that cover a pulse to a margin, from few shots to many."""
+        span = FOOT_PS + TOP_PS + 2 * margin_ps
+        return [
+            Window(-margin_ps - FOOT_PS, step, int(np.ceil(span / step)) + 1, sweeps)
+            for sweeps in self.settings.sweeps
+            for step in self.settings.steps_ps
+        ]
+
+
+def _at(window: Window, expected_ps: float) -> Window:
+    """Put a window to where its pulse is expected, on the device's grid of 0.1 ps."""
+    return Window(round(expected_ps + window.start_ps, 1), window.step_ps, window.samples, window.sweeps)
+
+
+def _filled(values: FloatArray) -> FloatArray:
+    """Fill what is missing with the median of the rest."""
+    return np.where(np.isfinite(values), values, np.nanmedian(values)) if np.isfinite(values).any() else values
