@@ -62,10 +62,9 @@ def backscatter(cosine: FloatArray, coefficients: FloatArray) -> FloatArray:
 
 BONE_DRY = Material(0.66)
 BONE_MOIST = Material(0.64, specular=0.03, gloss_deg=15.0)
-BONE_WET = Material(0.64, specular=0.12, gloss_deg=12.0)
-CARTILAGE = Material(0.62, specular=0.06, roughness_deg=20.0, gloss_deg=12.0)
+BONE_WET = Material(0.64, specular=0.045, gloss_deg=15.0)
 SOFT_TISSUE = Material(0.48, specular=0.05, gloss_deg=15.0)
-FAT = Material(0.72, specular=0.05, roughness_deg=20.0, gloss_deg=15.0)
+FAT = Material(0.55, specular=0.04, roughness_deg=20.0, gloss_deg=15.0)
 BLOOD = Material(0.22, specular=0.15, roughness_deg=10.0, gloss_deg=8.0)
 CLOT = Material(0.012, roughness_deg=20.0)
 STEEL = Material(0.12, specular=1.5, roughness_deg=10.0, gloss_deg=5.0)

@@ -124,6 +124,10 @@ class Optics:
         """Get the true pose (4, 4) of the target."""
         return self._scene.scanner_from_model
 
+    def look_at(self, scene: Scene) -> None:
+        """Put another target before the scanner."""
+        self._scene = scene
+
     def acquire(self, wanted: Acquisition) -> NDArray[np.uint32]:
         """Take one window; see `sim.wires.SignalSource.acquire`.
 

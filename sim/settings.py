@@ -125,7 +125,7 @@ class SimulationSettings(BaseModel):
     repeatability_deg: float = Field(0.0022, ge=0, le=1, description="Deviation of the optical angle at each return")
     servo_time_ms: float = Field(0.2, gt=0, le=100, description="Time constant of the mirror servo, critically damped")
     creep_share: float = Field(0.0125, ge=0, lt=1, description="Share of a step that only creeps in")
-    creep_time_ms: float = Field(3.0, gt=0, le=1000, description="Time constant of that creep")
+    creep_time_ms: float = Field(5.0, gt=0, le=1000, description="Time constant of that creep")
 
     # Diode block
     ambient_degc: float = Field(20.5, ge=0, le=40, description="Air around the bench, and start of everything")

@@ -1,0 +1,8 @@
+"""The simulator against the dissertation: each stated value beside what the simulator gives."""
+
+from __future__ import annotations
+
+from sim.validation.figures import Check
+from sim.validation.run import validate
+
+__all__ = ["Check", "validate"]

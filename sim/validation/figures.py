@@ -1,0 +1,63 @@
+"""`Check`: one value of the dissertation, what the simulator gives for it, and whether that will do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line of the validation.
+
+    Attributes
+    ----------
+    name : str
+        Quantity with its unit and the figure or section.
+    dissertation : str
+        What the dissertation states.
+    simulator : float
+        What the simulator gives.
+    low, high : float
+        Bounds within which it passes.
+    """
+
+    name: str
+    dissertation: str
+    simulator: float
+    low: float
+    high: float
+
+    @property
+    def passed(self) -> bool:
+        """Get whether the value lies within its bounds (NaN does not)."""
+        return self.low <= self.simulator <= self.high
+
+    def as_json(self) -> dict[str, object]:
+        """Get the keys that the command prints."""
+        return {
+            "name": self.name,
+            "dissertation": self.dissertation,
+            "simulator": float(f"{self.simulator:.6g}") if abs(self.simulator) < float("inf") else None,
+            "tolerance": f"{self.low:g} to {self.high:g}",
+            "passed": bool(self.passed),
+        }
+
+
+@dataclass(frozen=True)
+class Part:
+    """What one part of the validation found: ``checks``, and drawn ``pictures`` by file stem with their caption."""
+
+    checks: list[Check]
+    pictures: dict[str, tuple[str, Figure]]
+
+
+def axes(x_label: str, y_label: str, x: tuple[float, float], y: tuple[float, float]) -> tuple[Figure, Axes]:
+    """Make a picture with the axes of the dissertation's figure."""
+    figure = Figure(figsize=(5.6, 3.8), layout="constrained")
+    ax = figure.add_subplot()
+    ax.set(xlabel=x_label, ylabel=y_label, xlim=x, ylim=y)
+    ax.grid(alpha=0.3)
+    return figure, ax
