@@ -65,6 +65,12 @@ class Clock(Protocol):
         A port of the operating system counts wall time; the ports of a bench on a virtual clock count its time.
         """
 
+    def patience_s(self, seconds: float) -> float:
+        """Turn the time after which somebody is given up into seconds of this clock.
+
+        Where time is scaled, devices run faster but computers do not: such a limit keeps its length on the wall.
+        """
+
 
 class _Timers:
     """The heap of timers that all three clocks share."""
@@ -133,6 +139,9 @@ class ScaledClock(_Timers):
     def port_wait_s(self, seconds: float) -> float:
         return seconds / self.factor
 
+    def patience_s(self, seconds: float) -> float:
+        return seconds * max(1.0, self.factor)
+
     def sleep(self, seconds: float) -> None:
         end = self.now() + seconds
         while True:
@@ -185,6 +194,9 @@ class VirtualClock(_Timers):
         return self._now
 
     def port_wait_s(self, seconds: float) -> float:
+        return seconds
+
+    def patience_s(self, seconds: float) -> float:
         return seconds
 
     def next_due(self) -> float | None:

@@ -65,6 +65,7 @@ class SamplingBridge:
         self.caps = sbp.Caps()
         self._requests = BridgeRequests(link)
         self._runs = RunReader(self._requests, self.caps, retries)
+        self._watchdog_ms = WATCHDOG_MS
         self._configuration: Configuration | None = None
         self._counter = 0
 
@@ -88,7 +89,8 @@ class SamplingBridge:
             self._requests.noted.clear()
             self.gate_off()
             self.stop()
-            self._requests.order(Request.SET_WATCHDOG, WATCHDOG_MS)
+            self._watchdog_ms = min(round(self.link.clock.patience_s(WATCHDOG_MS)), self.caps.watchdog_max_ms)
+            self._requests.order(Request.SET_WATCHDOG, self._watchdog_ms)
         except DeviceError:
             self.link.close()
             raise
@@ -129,8 +131,8 @@ class SamplingBridge:
 
     @property
     def watchdog_s(self) -> float:
-        """Get the time limit of the watchdog (s)."""
-        return WATCHDOG_MS / 1000
+        """Get the time limit of the watchdog (s): 1 s of the wall, as far as the device allows."""
+        return self._watchdog_ms / 1000
 
     # Gate and watchdog
 

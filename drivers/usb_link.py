@@ -187,7 +187,7 @@ class UsbLink:
         Timeout
             When nothing comes within ``timeout_s``. Data that came before the limit are returned.
         """
-        end = self.clock.now() + timeout_s
+        end = self.clock.now() + self.clock.patience_s(timeout_s)
         while True:
             device = self._opened()
             left_s = end - self.clock.now()

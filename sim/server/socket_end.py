@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import socket
+import sys
 from collections.abc import Callable
 
 from sim.server.event_loop import EventLoop
@@ -70,6 +71,7 @@ class SocketEnd:
             return
         host.setblocking(False)
         host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        _acknowledge_at_once(host)
         self._host = host
         self._loop.watch(host, self._read)
 
@@ -83,6 +85,7 @@ class SocketEnd:
         except ConnectionError:
             data = b""
         if data:
+            _acknowledge_at_once(self._host)
             self._received(data)
         else:
             self._hang_up()
@@ -92,3 +95,12 @@ class SocketEnd:
         if host is not None:
             self._loop.forget(host)
             host.close()
+
+
+def _acknowledge_at_once(host: socket.socket) -> None:
+    """Acknowledge what has come now; a host with Nagle's algorithm (pyserial) holds its next bytes back until then.
+
+    The wait, 40 ms and more, would look like a slow device. Linux forgets the option, so it is set again for each read.
+    """
+    if sys.platform == "linux":
+        host.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)

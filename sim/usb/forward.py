@@ -4,8 +4,8 @@
 every transfer is one question and one answer over TCP (`sim.usb.frames`). Time limits count in the bench's time
 and on the server's side, so a slow computer does not make the bus late.
 
-A question is a JSON object and bytes: ``{"op": "speed"}``, ``{"op": "enumerate"}``, ``{"op": "open", "device": address}``,
-or an operation of pyusb's interface with ``handle`` and ``args`` (a length in place of a buffer): see
+A question is a JSON object and bytes: ``{"op": "speed"}``, ``{"op": "enumerate"}``, ``{"op": "open", "device": n}``, or
+an operation of pyusb's interface with ``handle`` and ``args`` (a length in place of a buffer): see
 `sim.server.usb_server`. An answer is ``{"result": ...}`` and bytes, or ``{"error": text, "code": libusb's number,
 "errno": the system's}``. A handle lives as long as the connection that opened it.
 """
