@@ -97,8 +97,11 @@ class SamplingBridgeFirmware:
 
     @property
     def gate_open(self) -> bool:
-        """Get whether triggers reach the laser."""
-        return self.gate.state is sbp.Gate.ON
+        """Get whether triggers reach the laser now; a configuration may keep them off between records."""
+        configuration = self.acquirer.configuration
+        recording = self.acquirer.state in (State.RUNNING, State.STOPPING)
+        pauses = configuration is not None and bool(configuration.flags & sbp.ConfigFlag.GATE_BETWEEN)
+        return self.gate.state is sbp.Gate.ON and (recording or not pauses)
 
     def advance(self) -> None:
         """Take a rising edge of the advance input (version 1.1)."""
