@@ -1,4 +1,4 @@
-"""What a person at the simulated bench does: point at landmarks in a scan."""
+"""What a person at the simulated bench does: point at landmarks in a scan, read a scale."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 from sim.scene import FloatArray
 
 CLICK_SIGMA_MM = 2.5
+SCALE_SIGMA_MM = 0.02  # centre of the spot in the picture of a camera on a millimetre scale
 
 
 def clicks(
@@ -34,3 +35,9 @@ def clicks(
     """
     true_mm = np.asarray(landmarks) @ scanner_from_model[:3, :3].T + scanner_from_model[:3, 3]
     return np.asarray(true_mm + rng.normal(0.0, sigma_mm, true_mm.shape))
+
+
+def scale_reading(spot_mm: FloatArray, rng: np.random.Generator) -> tuple[float, float]:
+    """Read the spot (3,) on a scale across the beam: x and y in mm, as the camera's picture gives them."""
+    x_mm, y_mm = spot_mm[:2] + rng.normal(0.0, SCALE_SIGMA_MM, 2)
+    return float(x_mm), float(y_mm)

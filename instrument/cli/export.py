@@ -13,12 +13,16 @@ from instrument.cli.options import Json
 
 def add_to(app: typer.Typer) -> None:
     """Register the subcommand."""
-    app.command(epilog="Example: picoradar export scan.db -o cloud.ply")(export)
+    app.command(
+        epilog="Examples: picoradar export scan.db -o cloud.ply\n\npicoradar export scan.db -o traces.h5 --waveforms"
+    )(export)
 
 
 def export(
     recording: Annotated[Path, typer.Argument(help="Recording of a scan.")],
-    out: Annotated[Path, typer.Option("-o", help="File to write; its ending chooses the form: .ply .csv .npz")],
+    out: Annotated[
+        Path, typer.Option("-o", help="File to write; its ending is the form: .ply .csv .npz .las .h5 .zarr")
+    ],
     waveforms: Annotated[bool, typer.Option("--waveforms", help="Write the raw traces too.")] = False,
     json: Json = False,
 ) -> None:

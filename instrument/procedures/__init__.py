@@ -1,0 +1,13 @@
+"""Bench procedures: calibrate the radar and test its accuracy, each with a report that a person reads at a glance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from instrument.procedures import gray_target
+from instrument.procedures.outcome import Outcome
+from instrument.procedures.station import Station
+
+PROCEDURES: dict[str, Callable[[Station], Outcome]] = {gray_target.NAME: gray_target.run}
+
+__all__ = ["PROCEDURES", "Outcome", "Station"]
