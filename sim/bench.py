@@ -10,18 +10,19 @@ import numpy as np
 
 from drivers.clock import VirtualClock
 from sim import handlers as _handlers  # makes sim:// known to pyserial  # noqa: F401
+from sim.faults.taps import HeatPumpTap, MirrorsTap, SerialTap, SignalTap, UsbTap
 from sim.firmware.dg645 import Dg645Firmware
 from sim.firmware.genesys import GenesysFirmware
 from sim.firmware.helios import HeliosFirmware
 from sim.firmware.mecom import TecFirmware
 from sim.firmware.sampling_bridge import SamplingBridgeFirmware
 from sim.noise import Noise
-from sim.operator import clicks
+from sim.operator import clicks, scale_reading
 from sim.optics import Optics
-from sim.ports import SerialWire, new_bench_name, publish, withdraw
+from sim.ports import SerialFirmware, SerialWire, new_bench_name, publish, withdraw
 from sim.scanner import MirrorPair
 from sim.scene import Scene
-from sim.settings import SimulationSettings
+from sim.settings import Pose, SimulationSettings
 from sim.targets import landmarks, load_target, place_target
 from sim.thermal import DiodeBlock
 from sim.truth import BenchTruth
@@ -53,6 +54,8 @@ class SimulatedBench:
         pyusb backend that finds the USB devices.
     truth : BenchTruth
         What the code under test must not know.
+    serial_taps, usb_taps, signal, servo, heat_pump
+        Where faults are hung in (`sim.faults`).
 
     Raises
     ------
@@ -86,22 +89,55 @@ class SimulatedBench:
 
         self.dg645 = Dg645Firmware(self.clock, self.trigger, self.interlock)
         self.genesys = GenesysFirmware(self.clock, self.interlock)
-        self.tec = TecFirmware(self.clock, self.block)
+        self.heat_pump = HeatPumpTap(self.block)
+        self.tec = TecFirmware(self.clock, self.heat_pump)
         self._tune(self.tec)
         self.optics = Optics(
             self.clock, checked, self.noise, self.trigger, self.genesys, self.block, self.mirrors, self.scene
         )
-        self.helios = HeliosFirmware(self.clock, self.mirrors)
-        self.bridge = SamplingBridgeFirmware(self.clock, self.trigger, self.interlock, self.optics)
+        self.signal = SignalTap(self.optics)
+        self.servo = MirrorsTap(self.mirrors, self.clock, self.interlock)
+        self.helios = HeliosFirmware(self.clock, self.servo)
+        self.bridge = SamplingBridgeFirmware(self.clock, self.trigger, self.interlock, self.signal)
         self.truth = BenchTruth(self.optics)
 
+        self._scale_readings = 0
         name = new_bench_name()
-        self.wires = {
-            device: SerialWire(firmware, self.clock)
-            for device, firmware in (("dg645", self.dg645), ("genesys", self.genesys), ("tec", self.tec))
-        }
+        serial: dict[str, SerialFirmware] = {"dg645": self.dg645, "genesys": self.genesys, "tec": self.tec}
+        self.serial_taps = {device: SerialTap(firmware) for device, firmware in serial.items()}
+        self.wires = {device: SerialWire(tap, self.clock) for device, tap in self.serial_taps.items()}
         self.urls = {device: publish(name, device, wire) for device, wire in self.wires.items()}
-        self.usb_backend = SimUsbBackend(self.clock, [self.helios, self.bridge])
+        self.usb_taps = {"helios": UsbTap(self.helios, self.clock), "bridge": UsbTap(self.bridge, self.clock)}
+        self.usb_backend = SimUsbBackend(self.clock, self.usb_taps.values())
+
+    def place(self, target: str, pose: Pose, *, reflectance: float | None = None) -> None:
+        """Put another target before the scanner, as a person at the bench does between two measurements.
+
+        Parameters
+        ----------
+        target : str
+            As in the settings.
+        pose : Pose
+            x, y, z (mm) and turns about x, y, z (deg), scanner frame.
+        reflectance : float, optional
+            Of the whole target; its own by default.
+
+        Raises
+        ------
+        ValueError
+            When the target cannot be used.
+        """
+        self.target = load_target(target, reflectance)
+        self.scene = Scene(self.target, place_target(self.target, pose[2], pose, self.noise.stream("scene.pose")))
+        self.optics.look_at(self.scene)
+
+    def read_scale(self) -> tuple[float, float]:
+        """Read where the spot stands on a millimetre scale on the target now, as a person with a camera does (mm)."""
+        self._scale_readings += 1
+        key = (0, 0, self._scale_readings)
+        beam = self.mirrors.beam(self.clock.now(), *key)
+        distance_mm = self.scene.cast(beam.origin[None], beam.direction[None]).distance_mm[0]
+        return scale_reading(beam.origin + distance_mm * beam.direction, self.noise.stream("operator.scale", *key))
 
     def clicked_landmarks(self) -> list[dict[str, Any]]:
         """Get landmark pairs as a person would click them: ``scanner`` and ``model`` point (mm) and ``name``.

@@ -23,7 +23,9 @@ class SerialFirmware(Protocol):
     was connected to, and sets its own timers on the clock.
     """
 
-    baud: int
+    @property
+    def baud(self) -> int:
+        """Get the baud rate that it speaks at now."""
 
     def connect(self, send: Callable[[bytes, float], None]) -> None:
         """Take the function to answer with: ``send(data, delay_s)`` puts bytes on the line after a delay."""

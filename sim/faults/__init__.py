@@ -1,0 +1,24 @@
+"""Faults of the simulated bench, declared as data and injected at the wire and in the physics."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sim.faults.fault import At, Fault
+    from sim.faults.injector import arm
+    from sim.faults.kinds import KINDS
+    from sim.faults.scenario import load_scenario
+
+__all__ = ["KINDS", "At", "Fault", "arm", "load_scenario"]
+
+_HOMES = {"At": "fault", "Fault": "fault", "arm": "injector", "KINDS": "kinds", "load_scenario": "scenario"}
+
+
+def __getattr__(name: str) -> Any:
+    # The bench itself uses the taps of this package, and the kinds use the bench: names are looked up when asked for.
+    if name in _HOMES:
+        from importlib import import_module
+
+        return getattr(import_module(f"sim.faults.{_HOMES[name]}"), name)
+    raise AttributeError(f"module 'sim.faults' has no attribute {name!r}")

@@ -1,0 +1,76 @@
+"""Hangs declared faults into a simulated bench."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, TypeVar
+
+from sim.faults.fault import SERIAL, Fault
+from sim.faults.kind import Kind, Site
+from sim.faults.kinds import KINDS
+from sim.faults.when import Strikes
+
+if TYPE_CHECKING:
+    from sim.bench import SimulatedBench
+
+
+_Message = TypeVar("_Message")
+
+
+def arm(bench: SimulatedBench, faults: Iterable[Fault]) -> Sequence[Strikes]:
+    """Hang faults into a bench.
+
+    Parameters
+    ----------
+    bench : SimulatedBench
+    faults : iterable of Fault
+        Checked against `KINDS` (`sim.faults.scenario.checked`).
+
+    Returns
+    -------
+    sequence of Strikes
+        One for each fault; tells when it struck first.
+    """
+    return [_arm_one(bench, number, fault) for number, fault in enumerate(faults)]
+
+
+def _arm_one(bench: SimulatedBench, number: int, fault: Fault) -> Strikes:
+    kind = KINDS[fault.kind]
+    rng = bench.noise.stream("faults", number)
+    strikes = Strikes(fault, bench.clock, lambda: bench.signal.shots, rng)
+    site = Site(bench, fault, {**kind.defaults, **fault.parameters}, strikes, rng)
+    if kind.hang is not None:
+        kind.hang(site)
+    else:
+        _await(site, kind)
+    return strikes
+
+
+def _await(site: Site, kind: Kind) -> None:
+    """Begin a state at its moment, once: by a timer, or at a message or a window on its link."""
+    at, clock = site.fault.at, site.bench.clock
+    begun = False
+
+    def strike() -> None:
+        nonlocal begun
+        if begun or kind.begin is None or not site.strikes.now():
+            return
+        begun = True
+        end = kind.begin(site)
+        if site.fault.lasts_s is not None:
+            clock.call_at(clock.now() + site.fault.lasts_s, end)
+
+    if at.time_s is not None:
+        clock.call_at(max(at.time_s, clock.now()), strike)
+    elif at.pulse is not None or site.fault.link == "bench":
+        site.bench.signal.before.append(lambda wanted: _first(strike, wanted))
+    elif site.fault.link in SERIAL:
+        site.serial.to_device.append(lambda data: _first(strike, data))
+    else:
+        site.usb.before.append(lambda _setup: strike())
+
+
+def _first(strike: Callable[[], None], message: _Message) -> _Message:
+    """Let a state begin at a message, and hand the message on."""
+    strike()
+    return message

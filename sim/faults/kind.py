@@ -1,0 +1,76 @@
+"""`Kind`: what a fault does, on which links, with which parameters; and the `Site` that it happens at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sim.faults.fault import Fault, Link
+from sim.faults.when import Strikes
+
+if TYPE_CHECKING:
+    from sim.bench import SimulatedBench
+    from sim.faults.taps import SerialTap, UsbTap
+
+
+@dataclass(frozen=True)
+class Site:
+    """Where one fault happens.
+
+    Attributes
+    ----------
+    bench : SimulatedBench
+    fault : Fault
+    parameters : mapping
+        Of the fault, with the kind's defaults filled in.
+    strikes : Strikes
+        Asked once for each message.
+    rng : numpy.random.Generator
+    """
+
+    bench: SimulatedBench
+    fault: Fault
+    parameters: Mapping[str, float]
+    strikes: Strikes
+    rng: np.random.Generator
+
+    @property
+    def serial(self) -> SerialTap:
+        """Get the tap of the serial link that the fault is on."""
+        return self.bench.serial_taps[self.fault.link]
+
+    @property
+    def usb(self) -> UsbTap:
+        """Get the tap of the USB device that the fault is on."""
+        return self.bench.usb_taps[self.fault.link]
+
+
+End = Callable[[], None]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of fault.
+
+    Attributes
+    ----------
+    links : tuple of str
+        Where it can happen.
+    meaning : str
+        What goes wrong, in a few words.
+    hang : callable, optional
+        ``hang(site)`` hangs it into the messages of its link; it asks ``site.strikes`` at each of them.
+    begin : callable, optional
+        ``begin(site)`` brings a state about and returns what ends it.
+    defaults : dict
+        Parameters and their values where the fault does not give them.
+    """
+
+    links: tuple[Link, ...]
+    meaning: str
+    hang: Callable[[Site], Any] | None = None
+    begin: Callable[[Site], End] | None = None
+    defaults: dict[str, float] = field(default_factory=dict)

@@ -1,0 +1,11 @@
+"""`KINDS`: every kind of fault by its name."""
+
+from __future__ import annotations
+
+from sim.faults.kind import Kind
+from sim.faults.physics_kinds import PHYSICS_KINDS
+from sim.faults.serial_kinds import SERIAL_KINDS
+from sim.faults.signal_kinds import SIGNAL_KINDS
+from sim.faults.usb_kinds import USB_KINDS
+
+KINDS: dict[str, Kind] = {**SERIAL_KINDS, **USB_KINDS, **SIGNAL_KINDS, **PHYSICS_KINDS}
