@@ -63,6 +63,10 @@ class Sampled:
     gradient: Float32Array
     cosine: Float32Array
 
+    def at(self, index: IntArray) -> Sampled:
+        """Pick some of the poses."""
+        return Sampled(self.moved[:, index], self.distance[index], self.gradient[index], self.cosine[index])
+
     def along_beam(self) -> Float32Array:
         """Residuals along the beams (K, M) mm: how far in front of bone (+) or inside it (-) each beam ended."""
         return np.asarray(self.distance / np.maximum(self.cosine, GRAZING), dtype=np.float32)

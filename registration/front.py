@@ -14,10 +14,10 @@ from registration.dissertation import DissertationSettings, register_dissertatio
 from registration.errors import RegistrationError, StartError
 from registration.exclusion import excluded_regions
 from registration.model import Model
-from registration.noise import TYPICAL_RANGE_MM
+from registration.noise import TYPICAL_RANGE_MM, NoiseModel, estimated_range_noise
 from registration.result import Registration
 from registration.rigid import transform
-from registration.robust import NOISE_LIMIT, estimated_noise, register_robust
+from registration.robust import NOISE_LIMIT, register_robust
 from registration.scan import Scan, checked_scan
 from registration.start import Start, start_pose
 from registration.surface import Surface
@@ -113,7 +113,7 @@ def _dissertation(
     surface = _shell(scan, model, start) if model.closed else model.surface
     result = register_dissertation(scan.points, surface, start, settings)
     closest = surface.closest(transform(result.model_from_scanner, scan.points))
-    noise = estimated_noise(scan, result.model_from_scanner, closest, result.used)
+    noise = NoiseModel(estimated_range_noise(closest.signed_mm[result.used], TYPICAL_RANGE_MM))
     return Solution(
         model_from_scanner=result.model_from_scanner,
         closest=closest,

@@ -12,6 +12,9 @@ from registration.scan import Scan
 TYPICAL_RANGE_MM = 0.4
 """Range noise of a point averaged over 8 sweeps, assumed until the residuals tell."""
 
+MIN_RESIDUALS = 20
+"""Fewer residuals cannot tell their scale."""
+
 
 @dataclass(frozen=True)
 class NoiseModel:
@@ -28,7 +31,7 @@ class NoiseModel:
     """
 
     range_mm: float = TYPICAL_RANGE_MM
-    lateral_mm: float = 0.1
+    lateral_mm: float = 0.04
     model_mm: float = 0.03
 
     def plane_sigma(self, scan: Scan, rotation: FloatArray, normals: FloatArray) -> FloatArray:
@@ -52,3 +55,10 @@ class NoiseModel:
             cosine2 = np.einsum("ij,ij->i", in_scanner, scan.beams) ** 2
             variance = self.range_mm**2 * cosine2 + self.lateral_mm**2 * (1.0 - cosine2)
         return np.asarray(np.sqrt(variance + self.model_mm**2), dtype=np.float64)
+
+
+def estimated_range_noise(along_beam_mm: FloatArray, otherwise_mm: float) -> float:
+    """Range noise from residuals along the beam (MAD scale); `otherwise_mm` when there are too few to tell."""
+    if len(along_beam_mm) < MIN_RESIDUALS:
+        return otherwise_mm
+    return float(np.clip(1.4826 * np.median(np.abs(along_beam_mm)), 0.02, 5.0))

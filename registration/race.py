@@ -12,27 +12,40 @@ import numpy as np
 
 from registration._types import FloatArray, IntArray
 from registration.batch import GRAZING, Poses, Sampled, one_sided, sample, scores, step
-from registration.field import DistanceField, Float32Array
+from registration.field import Float32Array
 from registration.views import View
 
 
 @dataclass(frozen=True)
 class Heat:
-    """One heat of the race: how many points, which field, the loss's scales, and how many go on."""
+    """One heat of the race.
+
+    Attributes
+    ----------
+    points : int
+        Points that take part.
+    fine : bool
+        Which field is read.
+    entrants : int
+        Poses that enter, the best at first sight of this heat's points; the first heat takes all.
+    scales_mm : tuple of float
+        Scale of the loss in each step; the first one also serves to rank.
+    inside : float
+        Largest loss inside bone, in units of the largest one in front of it.
+    """
 
     points: int
     fine: bool
+    entrants: int
     scales_mm: tuple[float, ...]
-    score_mm: float
     inside: float
-    keep: int
 
 
 HEATS = (
-    Heat(160, False, (2.5, 2.0), 1.5, 5.0, 192),
-    Heat(240, False, (1.5, 1.2, 1.0), 1.0, 4.0, 64),
-    Heat(400, True, (0.9, 0.9, 0.8), 0.8, 4.0, 20),
-    Heat(800, True, (0.8, 0.8, 0.8, 0.8), 0.8, 4.0, 8),
+    Heat(160, False, 256, (2.5, 2.0), 5.0),
+    Heat(200, False, 96, (1.5, 1.2, 1.0), 5.0),
+    Heat(400, True, 32, (1.0, 0.9, 0.8), 4.0),
+    Heat(800, True, 12, (0.8, 0.8, 0.8, 0.8), 4.0),
 )
 
 STRATA_MM = (1.0, -1.0, -2.5)
@@ -92,8 +105,8 @@ def telling_order(points: FloatArray, centre: FloatArray, radius_mm: float, draw
     return order[np.argsort(turn, kind="stable")]
 
 
-def race(view: View, cloud: Cloud, poses: Poses, stretch: float = 1.0) -> tuple[Poses, Float32Array]:
-    """Run the heats from `poses` and return the finishers with their scores, best first.
+def race(view: View, cloud: Cloud, poses: Poses, stretch: float = 1.0) -> Poses:
+    """Run the heats from `poses` and return the finishers, best first.
 
     Parameters
     ----------
@@ -103,25 +116,18 @@ def race(view: View, cloud: Cloud, poses: Poses, stretch: float = 1.0) -> tuple[
     stretch : float
         Factor on all scales of the loss, for noisier instruments.
     """
-    score = np.zeros(len(poses), dtype=np.float32)
-    for heat in HEATS:
+    for number, heat in enumerate(HEATS):
         points, beams = cloud.first(heat.points)
         field = view.fine if heat.fine else view.coarse
-        for scale in heat.scales_mm:
-            poses = one_sided_step(field, poses, points, beams, scale * stretch, heat.inside)
-        score = scores(sample(field, poses, points, beams), heat.score_mm * stretch, heat.inside)
-        best = np.argsort(score, kind="stable")[: heat.keep]
-        poses, score = poses.at(best), score[best]
-    return poses, score
-
-
-def one_sided_step(
-    field: DistanceField, poses: Poses, points: Float32Array, beams: Float32Array, scale_mm: float, inside: float
-) -> Poses:
-    """One Gauss-Newton step of all poses under the one-sided loss along the beams."""
-    found = sample(field, poses, points, beams)
-    _, weight = one_sided(found.along_beam(), scale_mm, inside)
-    return step(poses, found, beam_weights(found, weight))
+        for turn, scale in enumerate(heat.scales_mm):
+            found = sample(field, poses, points, beams)
+            if turn == 0 and number > 0:
+                score = scores(found, scale * stretch, heat.inside)
+                best = np.argsort(score, kind="stable")[: heat.entrants]
+                poses, found = poses.at(best), found.at(best)
+            _, weight = one_sided(found.along_beam(), scale * stretch, heat.inside)
+            poses = step(poses, found, beam_weights(found, weight))
+    return poses
 
 
 def beam_weights(found: Sampled, weight: Float32Array) -> Float32Array:

@@ -14,7 +14,7 @@ from registration._types import FloatArray, IntArray
 from registration.scan import Scan
 from registration.seeds import frame_about
 
-COUPLING = 0.4
+COUPLING = 0.25
 """Share of a neighbour's log odds."""
 
 TISSUE_PER_MM = 0.1

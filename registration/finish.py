@@ -1,0 +1,151 @@
+"""The exact finish: symmetric, weighted point-to-plane steps on exact closest points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from registration._types import BoolArray, FloatArray, IntArray
+from registration.icp import Iteration
+from registration.measures import residual_measures
+from registration.noise import NoiseModel, estimated_range_noise
+from registration.quality import plane_rows
+from registration.rigid import orthonormalised, small_motion, transform
+from registration.scan import Scan
+from registration.surface import Closest, Surface
+from registration.tissue import bone_probability
+
+STRAY_SIGMA = 3.5
+"""Residuals larger than this many sigma have no weight."""
+
+REWEIGHTED_STEPS = 5
+"""Weights and noise settle in so many steps on fixed tangent planes."""
+
+RESTING_MM = 0.05
+"""The finish ends when the points' root mean square motion is below this; the tangent planes then hold."""
+
+MAX_QUERIES = 4
+"""Queries of closest points at most."""
+
+FACING = 0.05
+"""Smallest cosine between beam and normal of a point that can have been seen."""
+
+
+@dataclass(frozen=True)
+class Final:
+    """The final pose with exact closest points.
+
+    Attributes
+    ----------
+    model_from_scanner : (4, 4) array
+    closest : Closest
+        Signed distances are those at the final pose.
+    bone : (N,) array
+        Probability of each point to be bone.
+    inliers : (N,) array of bool
+    noise : NoiseModel
+        Given, or as the residuals show it.
+    history : list of Iteration
+        Residuals of the bone points, step by step.
+    """
+
+    model_from_scanner: FloatArray
+    closest: Closest
+    bone: FloatArray
+    inliers: BoolArray
+    noise: NoiseModel
+    history: list[Iteration]
+
+
+def exact_finish(
+    scan: Scan,
+    surface: Surface,
+    start: FloatArray,
+    noise: NoiseModel,
+    around: IntArray,
+    allowed: BoolArray,
+    *,
+    noise_known: bool = False,
+) -> Final:
+    """Step from `start` (4, 4) until the points rest.
+
+    With the bone points known, their noise is symmetric; the one-sided loss alone would leave a bias.
+
+    Parameters
+    ----------
+    scan : Scan
+    surface : Surface
+        Of the whole model.
+    start : (4, 4) array
+    noise : NoiseModel
+    around : (N, 8) array
+        Raster neighbours.
+    allowed : (N,) array of bool
+        Points that may take part.
+    noise_known : bool
+        Keep the range noise instead of estimating it from the residuals.
+    """
+    solution, history = start, list[Iteration]()
+    for _ in range(MAX_QUERIES):
+        tangent = _Tangent.at(scan, surface, solution, allowed)
+        x = np.zeros(6)
+        for _ in range(REWEIGHTED_STEPS):
+            residual = tangent.residual(x)
+            sigma = noise.plane_sigma(scan, solution[:3, :3], tangent.closest.normals)
+            bone, inliers = tangent.bone(residual, sigma, around)
+            if inliers.sum() < 6:
+                return Final(solution, tangent.closest, bone, inliers, noise, history)
+            if not noise_known:
+                along = (residual * tangent.stretch)[inliers & (tangent.cosine > 0.5)]
+                noise = replace(noise, range_mm=estimated_range_noise(along, noise.range_mm))
+            measures = residual_measures(residual[inliers])
+            history.append(Iteration("exact", measures.rms_mm, measures.mean_mm, measures.max_mm, int(inliers.sum())))
+            x = tangent.solve(bone * inliers / sigma**2)
+        move = np.cross(x[:3], tangent.moved - tangent.centre) + x[3:]
+        solution = orthonormalised(small_motion(x, tangent.centre) @ solution)
+        if np.sqrt((move**2).sum(axis=1).mean()) < RESTING_MM:
+            break
+    residual = tangent.residual(x)
+    sigma = noise.plane_sigma(scan, solution[:3, :3], tangent.closest.normals)
+    bone, inliers = tangent.bone(residual, sigma, around)
+    at_end = replace(tangent.closest, signed_mm=residual)
+    return Final(solution, at_end, bone, inliers, noise, history)
+
+
+@dataclass(frozen=True)
+class _Tangent:
+    """Tangent planes at the closest points of one pose: residuals are linear in the motion there."""
+
+    moved: FloatArray
+    centre: FloatArray
+    closest: Closest
+    rows: FloatArray
+    cosine: FloatArray
+    stretch: FloatArray
+    usable: BoolArray
+
+    @classmethod
+    def at(cls, scan: Scan, surface: Surface, solution: FloatArray, allowed: BoolArray) -> _Tangent:
+        moved = transform(solution, scan.points)
+        closest = surface.closest(moved)
+        cosine = -np.einsum("ij,ij->i", closest.normals, scan.beams @ solution[:3, :3].T)
+        centre = np.asarray(moved.mean(axis=0), dtype=np.float64)
+        rows = plane_rows(moved, closest.normals, centre)
+        stretch = 1.0 / np.maximum(cosine, 0.2)
+        return cls(moved, centre, closest, rows, cosine, stretch, allowed & (cosine > FACING))
+
+    def residual(self, x: FloatArray) -> FloatArray:
+        """Plane residuals (N,) after the motion `x` (6,)."""
+        return np.asarray(self.closest.signed_mm + self.rows @ x, dtype=np.float64)
+
+    def bone(self, residual: FloatArray, sigma: FloatArray, around: IntArray) -> tuple[FloatArray, BoolArray]:
+        """Probability of bone (N,), and the points that count as it."""
+        probability = bone_probability(residual * self.stretch, sigma * self.stretch, around) * self.usable
+        return probability, (probability > 0.5) & (np.abs(residual) < STRAY_SIGMA * sigma)
+
+    def solve(self, weight: FloatArray) -> FloatArray:
+        """Weighted least-squares motion (6,)."""
+        normal = (self.rows * weight[:, None]).T @ self.rows
+        normal += 1e-9 * np.diag(np.diag(normal) + 1e-9)
+        return np.asarray(-np.linalg.solve(normal, self.rows.T @ (weight * self.closest.signed_mm)))

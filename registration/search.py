@@ -1,0 +1,174 @@
+"""Finds the distinct minima of a registration: from anywhere, or about a start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from registration._types import FloatArray, IntArray
+from registration.batch import Poses
+from registration.centres import sphere_centres
+from registration.errors import StartError
+from registration.model import Model
+from registration.noise import TYPICAL_RANGE_MM
+from registration.polish import polish
+from registration.race import Cloud, distinct, race, shuffle, telling_order
+from registration.rigid import inverse, pose, rotation_angle_deg, transform
+from registration.scan import Scan
+from registration.seeds import rotations_in_cone, rotations_near
+from registration.tissue import neighbours
+from registration.views import SHELL_CONE_DEG, View, start_view
+
+STARTS = 256
+"""Rotations that enter one race."""
+
+MAX_RACES = 6
+"""Races run at most while the best minimum is not sure."""
+
+SURE_HITS = 3
+"""A minimum that so many finishers of one race reach, or that wins two races, is sure."""
+
+START_CONE_DEG = 25.0
+"""How far clicked landmarks may be off."""
+
+POLISHED_POINTS = 1500
+"""Candidates are polished on at most so many points; all take part in the exact finish."""
+
+SAME_DEG, SAME_MM = 2.0, 1.0
+"""Poses nearer than this are one minimum."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A distinct minimum.
+
+    Attributes
+    ----------
+    model_from_scanner : (4, 4) array
+    log_likelihood : float
+        Mean a point; the larger the better.
+    hits : int
+        Finishers that ended here.
+    """
+
+    model_from_scanner: FloatArray
+    log_likelihood: float
+    hits: int
+
+
+class Search:
+    """Searches a model for the poses that explain a scan.
+
+    Parameters
+    ----------
+    scan : Scan
+    around : (N, 8) array
+        Raster neighbours of its points.
+    model : Model
+    sigma_mm : float
+        Noise along the beam.
+    """
+
+    def __init__(self, scan: Scan, around: IntArray, model: Model, sigma_mm: float) -> None:
+        self.scan, self.model, self.sigma_mm = scan, model, sigma_mm
+        self.towards = _unit(-scan.beams.mean(axis=0))
+        self.middle = np.asarray(scan.points.mean(axis=0), dtype=np.float64)
+        self.stretch = max(1.0, sigma_mm / TYPICAL_RANGE_MM)
+        self.thin, self.thin_around = scan, around
+        if len(scan) > POLISHED_POINTS:
+            chosen = np.sort(shuffle(len(scan))[:POLISHED_POINTS])
+            self.thin = Scan(scan.points[chosen], scan.beams[chosen], scan.origin)
+            self.thin_around = neighbours(self.thin)
+
+    @cached_property
+    def centres(self) -> list[list[FloatArray]]:
+        """Centres of each view's sphere in the scanner frame."""
+        return [sphere_centres(self.scan.points, self.towards, view.radius_mm) for view in self.model.views]
+
+    def from_anywhere(self) -> list[Candidate]:
+        """Distinct minima, best first; races are run until the best one is sure.
+
+        Raises
+        ------
+        StartError
+            If the model has no hollow region, or its sphere fits nowhere.
+        """
+        if not self.model.views:
+            raise StartError("the model has no hollow, socket-like region to search from anywhere: give landmarks")
+        if not any(self.centres):
+            raise StartError("no sphere of the model's socket fits the points: give landmarks or a pose to start from")
+        found: list[Candidate] = []
+        for draw in range(MAX_RACES):
+            for view, centres in zip(self.model.views, self.centres, strict=True):
+                if centres:
+                    found = merged(found, self._raced(view, centres, draw), self.middle)
+            if found[0].hits >= SURE_HITS:
+                break
+        return found
+
+    def about(self, start: FloatArray) -> list[Candidate]:
+        """Distinct minima within `START_CONE_DEG` of a start pose (4, 4), best first."""
+        view = self._view_at(start)
+        centre = transform(inverse(start), view.centre[None])[0]
+        rotations = rotations_near(start[:3, :3], START_CONE_DEG, STARTS)
+        order = shuffle(len(self.scan))
+        return self._finishers(view, centre, order, rotations, np.zeros((STARTS, 3)))
+
+    def _raced(self, view: View, centres: list[FloatArray], draw: int) -> list[Candidate]:
+        rotations = rotations_in_cone(view.axis, self.towards, SHELL_CONE_DEG + 5.0, STARTS, draw * STARTS)
+        offsets = np.array(centres)[np.arange(STARTS) % len(centres)] - centres[0]
+        shifts = np.asarray(-(rotations @ offsets[..., None])[..., 0], dtype=np.float64)
+        order = telling_order(self.scan.points, centres[0], view.radius_mm, draw)
+        return self._finishers(view, centres[0], order, rotations, shifts)
+
+    def _finishers(
+        self, view: View, centre: FloatArray, order: IntArray, rotations: FloatArray, shifts: FloatArray
+    ) -> list[Candidate]:
+        cloud = Cloud.about(self.scan.points, self.scan.beams, centre, order)
+        finishers = race(view, cloud, Poses(rotations.astype(np.float32), shifts.astype(np.float32)), self.stretch)
+        first, hits = distinct(finishers)
+        points = np.ascontiguousarray((self.thin.points - centre).T, dtype=np.float32)
+        beams = np.ascontiguousarray(self.thin.beams.T, dtype=np.float32)
+        polished, likelihood = polish(view.fine, finishers.at(first), points, beams, self.thin_around, self.sigma_mm)
+        rotation = polished.rotations.astype(np.float64)
+        poses = pose(rotation, view.centre + polished.shifts - rotation @ centre)
+        found = [Candidate(p, float(v), int(h)) for p, v, h in zip(poses, likelihood, hits, strict=True)]
+        return merged([], found, self.middle, bonus=0)
+
+    def _view_at(self, start: FloatArray) -> View:
+        """The prepared view that a start looks into, or one made for it."""
+        aimed = transform(start, self.scan.points)
+        middle = np.asarray(aimed.mean(axis=0), dtype=np.float64)
+        towards = _unit(transform(start, self.scan.origin[None])[0] - middle)
+        for view in self.model.views:
+            near = np.linalg.norm(aimed - view.centre, axis=1) < 1.5 * view.radius_mm
+            if near.mean() > 0.8 and towards @ view.axis > np.cos(np.radians(SHELL_CONE_DEG)):
+                return view
+        reach = float(np.linalg.norm(aimed - middle, axis=1).max()) + 15.0
+        return start_view(self.model.surface, middle, towards, reach)
+
+
+def merged(one: list[Candidate], other: list[Candidate], at: FloatArray, bonus: int = SURE_HITS) -> list[Candidate]:
+    """Join lists of minima, best first; a minimum found again keeps its better pose and gains `bonus` hits."""
+    out: list[Candidate] = []
+    for candidate in sorted([*one, *other], key=lambda c: -c.log_likelihood):
+        for index, better in enumerate(out):
+            turn, shift = difference(better.model_from_scanner, candidate.model_from_scanner, at)
+            if turn < SAME_DEG and shift < SAME_MM:
+                out[index] = replace(better, hits=better.hits + candidate.hits + bonus)
+                break
+        else:
+            out.append(candidate)
+    return out
+
+
+def difference(one: FloatArray, other: FloatArray, at: FloatArray) -> tuple[float, float]:
+    """Rotation in degrees between two poses, and the shift in mm of the scanner-frame point `at`."""
+    shift = transform(one, at[None])[0] - transform(other, at[None])[0]
+    return rotation_angle_deg(one[:3, :3] @ other[:3, :3].T), float(np.linalg.norm(shift))
+
+
+def _unit(vector: FloatArray) -> FloatArray:
+    return np.asarray(vector / np.linalg.norm(vector), dtype=np.float64)
