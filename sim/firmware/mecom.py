@@ -114,7 +114,7 @@ class TecFirmware:
             "?VM": lambda rest: self._metadata(_row(rest)),
             "?VL": lambda rest: _limits(_row(rest)),
             "?VX": self._several,
-            "?IF": _alone(lambda: IDENTITY),
+            "?IF": lambda _: IDENTITY,  # the maker's client adds a channel
             "VS": lambda rest: self._set(_row(rest[:6]), rest[6:]),
             "RS": _alone(self.device.reset),
             "SP": _alone(self.memory.save),

@@ -303,6 +303,10 @@ def test_nothing_is_sent_out_of_range(scripted):
         Tec(scripted([])).current_limit_a = 4.5
 
 
+def test_identity_with_a_channel_as_the_makers_client_asks(firmware, played):
+    assert played(firmware, encode("#", 0, 1, "?IF01")) == encode("!", 0, 1, "8065-TEC SW G01     ")
+
+
 def test_spoilt_and_foreign_frames_get_no_answer(firmware, played):
     assert played(firmware, b"#01A007?VR006901A8B8\r") == b""
     assert played(firmware, encode("#", 2, 1, "?VR006901")) == b""
