@@ -75,6 +75,7 @@ class UsbtmcFirmware:
         self._message = b""
         self._request: Header | None = None
         self._short_packet = False
+        self._asked_again = False
         self._sent = 0
         self._notices: deque[bytes] = deque(maxlen=8)
         self._service_requested = False
@@ -135,8 +136,12 @@ class UsbtmcFirmware:
             case (wire.CLASS_TO_ENDPOINT, ControlRequest.INITIATE_ABORT_BULK_IN):
                 return bytes([self._abort_in(tag), tag])
             case (wire.CLASS_TO_ENDPOINT, ControlRequest.CHECK_ABORT_BULK_IN_STATUS):
-                status = TmcStatus.PENDING if self._short_packet else TmcStatus.SUCCESS
-                return bytes([status, self._short_packet, 0, 0]) + self._sent.to_bytes(4, "little")
+                pending = self._short_packet and not self._asked_again
+                if self._short_packet and self._asked_again:
+                    self._short_packet = False  # a host that never reads bulk IN dry must not ask for ever
+                self._asked_again = pending
+                status = TmcStatus.PENDING if pending else TmcStatus.SUCCESS
+                return bytes([status, pending, 0, 0]) + self._sent.to_bytes(4, "little")
             case (wire.CLASS_TO_INTERFACE, ControlRequest.INITIATE_CLEAR):
                 self._clear()
                 return bytes([TmcStatus.SUCCESS])
@@ -196,6 +201,7 @@ class UsbtmcFirmware:
             return TmcStatus.TRANSFER_NOT_IN_PROGRESS
         self._request = None
         self._short_packet = True
+        self._asked_again = False
         self._sent = 0
         return TmcStatus.SUCCESS
 

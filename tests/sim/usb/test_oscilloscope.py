@@ -165,6 +165,17 @@ def test_without_the_abort_sequence_everything_times_out(bench: ScopeBench) -> N
     assert bench.ask("*OPC?") == "1"
 
 
+def test_host_that_does_not_read_bulk_in_dry_is_not_held_up(bench: ScopeBench) -> None:
+    bench.tmc.open()
+    bench.link.write(OUT, wire.encode_request(200, 1024), timeout_s=0.1)
+    with pytest.raises(Timeout):
+        bench.link.read(IN, 2048, timeout_s=0.1)
+    bench.link.control_in(ControlRequest.INITIATE_ABORT_BULK_IN, 200, 2, kind=0xA2, index=IN)
+    checks = [bench.link.control_in(4, 0, 8, kind=0xA2, index=IN)[0] for _ in range(2)]
+    assert checks == [wire.TmcStatus.PENDING, wire.TmcStatus.SUCCESS]
+    assert bench.ask("*OPC?") == "1"
+
+
 def test_driver_aborts_after_a_timeout(bench: ScopeBench) -> None:
     bench.tmc.open()
     with pytest.raises(Timeout):
