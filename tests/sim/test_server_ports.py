@@ -1,0 +1,250 @@
+"""Served serial devices as plain pyserial programs meet them, on ptys and TCP ports."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+import tomllib
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+import serial
+
+from drivers.clock import VirtualClock, WallClock
+from drivers.dg645 import DG645
+from drivers.serial_link import SerialLink
+from sim.firmware.dg645 import Dg645Firmware
+from sim.firmware.genesys import GenesysFirmware
+from sim.ports import SerialFirmware, SerialWire
+from sim.server.event_loop import EventLoop
+from sim.server.served_port import ServedPort
+from sim.wires import InterlockChain, TriggerLine
+
+GOLDEN = Path(__file__).parents[1] / "golden"
+IDENTITY = b"Stanford Research Systems,DG645,s/n001013,ver1.02.0A\r\n"
+needs_ptys = pytest.mark.skipif(os.name != "posix", reason="there are no ptys on this system")
+BOTH = [pytest.param("pty", marks=needs_ptys), "socket"]
+
+
+def dg645(clock: VirtualClock) -> Dg645Firmware:
+    return Dg645Firmware(clock, TriggerLine(), InterlockChain())
+
+
+def genesys(clock: VirtualClock) -> GenesysFirmware:
+    return GenesysFirmware(clock, InterlockChain())
+
+
+def exchange(name: str) -> list[tuple[bytes, bytes]]:
+    rows = tomllib.loads((GOLDEN / f"{name}.toml").read_text())["exchange"]
+    return [(sent.encode(), answer.encode()) for sent, answer in rows]
+
+
+class Talker:
+    """A device that keeps what it hears and says what it is told to."""
+
+    baud = 9600
+
+    def __init__(self) -> None:
+        self.heard = b""
+
+    def connect(self, send: Callable[[bytes, float], None]) -> None:
+        self.say = lambda data: send(data, 0.0)
+
+    def receive(self, data: bytes) -> None:
+        self.heard += data
+
+
+class Served:
+    """A firmware behind its ports, served by a thread; `do` runs something in that thread."""
+
+    def __init__(self, make: Callable[[VirtualClock], SerialFirmware], folder: Path, speed: float) -> None:
+        clock = VirtualClock()
+        self.loop = EventLoop(clock, speed)
+        self.firmware = make(clock)
+        wire = SerialWire(self.firmware, clock)
+        self.port = ServedPort(wire, self.loop, folder / "port" if os.name == "posix" else None)
+        self._jobs: list[Callable[[], None]] = []
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def url(self, kind: str) -> str:
+        return str(self.port.addresses[kind])
+
+    def do(self, job: Callable[[], None]) -> None:
+        done = threading.Event()
+        self._jobs.append(lambda: (job(), done.set()))
+        assert done.wait(5)
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+        self.port.close()
+        self.loop.close()
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            while self._jobs:
+                self._jobs.pop(0)()
+            self.loop.turn()
+
+
+@pytest.fixture
+def serve(tmp_path: Path) -> Iterator[Callable[..., Served]]:
+    with ExitStack() as stack:
+
+        def make(firmware: Callable[[VirtualClock], SerialFirmware] = dg645, speed: float = 20.0) -> Served:
+            served = Served(firmware, tmp_path, speed)
+            stack.callback(served.close)
+            return served
+
+        yield make
+
+
+def opened(url: str, **settings: object) -> serial.SerialBase:
+    return serial.serial_for_url(url, **{"baudrate": 9600, "timeout": 2.0, **settings})
+
+
+def ask(port: serial.SerialBase, sent: bytes, answer: bytes) -> bytes:
+    port.write(sent)
+    return port.read(len(answer)) if answer else b""
+
+
+@pytest.mark.parametrize("kind", BOTH)
+@pytest.mark.parametrize(("firmware", "rows"), [(dg645, 16), (genesys, 11)])
+def test_the_worked_exchange_of_the_sheet(serve, kind: str, firmware: Callable, rows: int) -> None:
+    with opened(serve(firmware).url(kind)) as port:
+        for sent, answer in exchange(firmware.__name__)[:rows]:
+            assert ask(port, sent, answer) == answer, sent
+        port.timeout = 0.05
+        assert port.read(1) == b""
+
+
+@pytest.mark.parametrize("kind", BOTH)
+def test_a_host_that_writes_byte_by_byte_and_opens_again(serve, kind: str) -> None:
+    url = serve().url(kind)
+    for _ in range(2):
+        with opened(url) as port:
+            for byte in b"*IDN?\n":
+                port.write(bytes([byte]))
+            assert port.read(len(IDENTITY)) == IDENTITY
+        time.sleep(0.02)
+
+
+@needs_ptys
+def test_nothing_is_echoed_to_the_device_before_a_host_opens(serve) -> None:
+    served = serve(lambda _: Talker())
+    served.do(lambda: served.firmware.say(b"ready\r\n"))
+    time.sleep(0.05)
+    with opened(served.url("pty")) as port:
+        port.write(b"a")
+        time.sleep(0.05)
+    assert served.firmware.heard == b"a"
+
+
+@needs_ptys
+def test_all_byte_values_pass_unchanged(serve) -> None:
+    served = serve(lambda _: Talker())
+    every_byte = bytes(range(256))
+    with opened(served.url("pty")) as port:
+        port.write(every_byte)
+        served.do(lambda: served.firmware.say(every_byte))
+        assert port.read(256) == every_byte
+    assert served.firmware.heard == every_byte
+
+
+@needs_ptys
+@pytest.mark.parametrize("baud", [4800, 19200, 250_000])
+def test_a_wrong_baud_rate_gives_garbage_both_ways(serve, baud: int) -> None:
+    served = serve(lambda _: Talker())
+    with opened(served.url("pty"), baudrate=baud, timeout=0.2) as port:
+        served.do(lambda: served.firmware.say(IDENTITY))
+        came = port.read(200)
+        assert came
+        assert b"DG645" not in came
+        port.write(b"*IDN?\n")
+        time.sleep(0.05)
+        port.baudrate = 9600
+        port.write(b"*IDN?\n")
+        served.do(lambda: served.firmware.say(IDENTITY))
+        port.timeout = 2.0
+        assert port.read(len(IDENTITY)) == IDENTITY
+    garbage = served.firmware.heard.removesuffix(b"*IDN?\n")
+    assert garbage
+    assert b"IDN" not in garbage
+
+
+@pytest.mark.parametrize("kind", BOTH)
+def test_an_answer_takes_ten_bits_a_byte(serve, kind: str) -> None:
+    with opened(serve(speed=1.0).url(kind)) as port:
+        began = time.monotonic()
+        port.write(b"*IDN?\n")
+        assert port.read(1) == IDENTITY[:1]
+        first_s = time.monotonic() - began
+        assert port.read(len(IDENTITY) - 1) == IDENTITY[1:]
+        whole_s = time.monotonic() - began
+    line_s = 10 * (len(IDENTITY) + 6) / 9600
+    assert whole_s >= line_s * 0.95  # a busy computer may make it slower, nothing makes it faster
+    assert first_s < whole_s - 0.02  # the bytes trickle in, they do not come in a lump
+
+
+def test_a_second_host_on_the_tcp_port_is_turned_away(serve) -> None:
+    url = serve().url("socket")
+    with opened(url) as first:
+        assert ask(first, b"*IDN?\n", IDENTITY) == IDENTITY
+        with opened(url, timeout=1.0) as second, pytest.raises(serial.SerialException, match="disconnected"):
+            second.read(1)
+        assert ask(first, b"*IDN?\n", IDENTITY) == IDENTITY
+
+
+@needs_ptys
+def test_a_host_on_the_tcp_port_has_the_line(serve) -> None:
+    served = serve()
+    with opened(served.url("pty"), timeout=0.2) as on_pty:
+        with opened(served.url("socket")) as on_socket:
+            assert ask(on_socket, b"*IDN?\n", IDENTITY) == IDENTITY
+            assert ask(on_pty, b"*IDN?\n", IDENTITY) == b""
+        time.sleep(0.05)
+        on_pty.timeout = 2.0
+        assert ask(on_pty, b"*IDN?\n", IDENTITY) == IDENTITY
+
+
+@needs_ptys
+def test_cable_pull_and_plug_of_a_pty(serve) -> None:
+    served = serve()
+    with opened(served.url("pty")) as port:
+        assert ask(port, b"*IDN?\n", IDENTITY) == IDENTITY
+        served.do(served.port.pull)
+        with pytest.raises(serial.SerialException):
+            port.read(1)
+    with pytest.raises(serial.SerialException) as refused:
+        opened(served.url("pty"))
+    assert refused.value.errno == 2
+    served.do(served.port.plug)
+    with opened(served.url("pty")) as port:
+        assert ask(port, b"*IDN?\n", IDENTITY) == IDENTITY
+
+
+def test_cable_pull_and_plug_of_a_tcp_port(serve) -> None:
+    served = serve()
+    url = served.url("socket")
+    with opened(url) as port:
+        served.do(served.port.pull)
+        with pytest.raises(serial.SerialException):
+            port.read(1)
+        with pytest.raises(serial.SerialException, match="refused"):
+            opened(url)
+        served.do(served.port.plug)
+    with opened(url) as port:
+        assert ask(port, b"*IDN?\n", IDENTITY) == IDENTITY
+
+
+@needs_ptys
+def test_the_drivers_do_not_need_modem_lines(serve) -> None:
+    device = DG645(SerialLink(serve().url("pty"), WallClock(), device="DG645", baud=9600))
+    device.open()
+    assert device.identify().serial_number == "001013"
+    device.close()
