@@ -7,9 +7,9 @@ Source: protocol sheet ``sampling_bridge.md``, section 3 (frame layout and frami
 from __future__ import annotations
 
 import struct
-import zlib
 from enum import IntFlag
 from typing import NamedTuple
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ _DTYPES: dict[int, np.dtype[np.unsignedinteger]] = {
     Format.U8: np.dtype("<u1"),
     Format.U16: np.dtype("<u2"),
 }
+RESIDUE = 0x2144DF1C  # CRC-32 of anything that ends with its own CRC-32
 _SHORTEST = 6  # bytes until the header's length is known
 
 
@@ -100,7 +101,7 @@ def encode_frame(frame: Frame, header_length: int = HEADER_1_0) -> bytes:
     )
     if header_length >= HEADER_1_1:
         header += _WINDOW.pack(frame.window, 0)
-    return b"".join((header, _CRC.pack(zlib.crc32(header)), payload, _CRC.pack(zlib.crc32(payload))))
+    return b"".join((header, _CRC.pack(crc32(header)), payload, _CRC.pack(crc32(payload))))
 
 
 class FrameParser:
@@ -167,8 +168,7 @@ class FrameParser:
             payload_at = at + header_length
             if len(stream) < payload_at:
                 break
-            (crc,) = _CRC.unpack_from(stream, payload_at - 4)
-            if zlib.crc32(view[at : payload_at - 4]) != crc:
+            if crc32(view[at:payload_at]) != RESIDUE:
                 at = self._no_header(at)
                 continue
             _, _, _, form, flags, sequence, run, record, first, samples, length, time_us, sweeps, degc, config = (
@@ -177,11 +177,10 @@ class FrameParser:
             if length > self.payload_max or form > Format.U16 or length != samples * (form + 1):
                 at = self._no_header(at)
                 continue
-            payload_end = payload_at + length
-            if len(stream) < payload_end + 4:
+            frame_end = payload_at + length + 4
+            if len(stream) < frame_end:
                 break
-            (crc,) = _CRC.unpack_from(stream, payload_end)
-            if zlib.crc32(view[payload_at:payload_end]) != crc:
+            if crc32(view[payload_at:frame_end]) != RESIDUE:
                 self.bad_payloads += 1
                 self.skipped += header_length
                 at = payload_at
@@ -190,7 +189,7 @@ class FrameParser:
             values = np.frombuffer(stream, _DTYPES[form], samples, payload_at)
             fields = (form, flags, sequence, run, record, first, time_us, sweeps, degc, config, window, values)
             frames.append(Frame._make(fields))
-            at = payload_end + 4
+            at = frame_end
         self._rest = stream[end:]
         return frames
 
