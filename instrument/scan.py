@@ -107,6 +107,10 @@ class RasterScan:
             prf_hz=self.settings.pulser.prf_hz,
         )
 
+    def configure(self, sampler: Sampler) -> None:
+        """Tell the sampler how records are taken."""
+        sampler.configure(self.sweep)
+
     @property
     def line_bytes(self) -> int:
         """Get the most that one line takes on the disk (its traces not compressed)."""

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from drivers.interfaces import Galvo, Sampler, SweepSettings
+from drivers.interfaces import Galvo, Sampler
 from instrument.controller.safety import SafeState
 from instrument.scan_line import Flag, ScanLine
 
@@ -21,9 +21,8 @@ Between = Callable[[], None]
 class ScanJob(Protocol):
     """The raster and how its lines are taken; knows nothing of states or safety."""
 
-    @property
-    def sweep(self) -> SweepSettings:
-        """Get how one record is sampled."""
+    def configure(self, sampler: Sampler) -> None:
+        """Tell the sampler how records are taken."""
 
     @property
     def rows(self) -> Sequence[int]:
@@ -71,7 +70,7 @@ class ScanOutcome:
     lines, points : int
         Lines stored; entries in them that carry a range.
     device_time_s : float
-        From the first look at the interlocks to the safe state, on the bench's clock.
+        From the first place (laser on, diode at its working point) to the safe state, on the bench's clock.
     dark_s : float
         From the moment at which the end was decided to the last step of the safe way out.
     suspended : list of str

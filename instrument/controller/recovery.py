@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from drivers.errors import DeviceError, LinkLost, ProtocolError, Timeout
-from drivers.interfaces import Identity, SweepSettings
+from drivers.interfaces import Identity
 from instrument.bench import Bench
+from instrument.controller.job import ScanJob
 from instrument.errors import InterlockTripped
 from instrument.settings import Settings
 
@@ -24,15 +25,15 @@ def waits() -> Iterator[float]:
         wait_s = min(2 * wait_s, LONGEST_WAIT_S)
 
 
-def bring_back(bench: Bench, settings: Settings, sweep: SweepSettings, known: Mapping[str, Identity], log: Any) -> None:
+def bring_back(bench: Bench, settings: Settings, job: ScanJob, known: Mapping[str, Identity], log: Any) -> None:
     """Open every device that does not answer, check that it is the same one, and apply all settings again.
 
     Parameters
     ----------
     bench : Bench
     settings : Settings
-    sweep : SweepSettings
-        How records are taken.
+    job : ScanJob
+        Knows how records are taken.
     known : mapping of str to Identity
         Who answered when the bench was connected.
     log : structlog logger
@@ -57,7 +58,7 @@ def bring_back(bench: Bench, settings: Settings, sweep: SweepSettings, known: Ma
         log.info("link is back", device=name)
     # Settings are applied to all: a device that lost its power answers as before and has forgotten them.
     bench.pulser.configure(prf_hz=settings.pulser.prf_hz, drive_v=settings.pulser.drive_v)
-    bench.sampler.configure(sweep)
+    job.configure(bench.sampler)
     diode = bench.diode.status()
     if not diode.regulating and not diode.problem:
         bench.diode.regulate(settings.diode.target_degc)

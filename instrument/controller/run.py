@@ -107,7 +107,7 @@ class ScanRun:
     def _begin(self) -> None:
         refuse_small_disk(self._job, self._store)
         self._wait_for_interlocks()
-        self._bench.sampler.configure(self._job.sweep)
+        self._job.configure(self._bench.sampler)
         self._light_on("start_scan")
 
     def _light_on(self, verb: str) -> None:
@@ -137,6 +137,8 @@ class ScanRun:
                 inside_since_s = self._clock.now()
             self._clock.sleep(SETTLE_POLL_S)
         self._settled = True
+        if not self.outcome.lines:
+            self._began_s = self._clock.now()  # until here the radar got ready; from here on it scans
 
     # ---- lines
 
@@ -148,7 +150,7 @@ class ScanRun:
                 if self._station.requests.at_line():
                     self._pause()
                 self._settle()
-                self._look(emitting=True)
+                self._station.supervisor.look_before_line(lambda: lines_left(self._job, self._store))
                 line = self._job.take_line(row, self._bench.galvo, self._bench.sampler, self._between)
                 self._station.supervisor.judge_line(self._job.reference_mv)
                 return line
@@ -198,7 +200,7 @@ class ScanRun:
         for wait_s in waits():
             self._rest(wait_s)
             try:
-                bring_back(self._bench, self._station.settings, self._job.sweep, self._station.known, self._station.log)
+                bring_back(self._bench, self._station.settings, self._job, self._station.known, self._station.log)
                 self._look(emitting=False)
                 self._light_on("recover")
                 return

@@ -13,6 +13,9 @@ from instrument.controller.panel import Panel
 WATCHDOG_S = 1.0  # time limit that the sampler's driver sets in the device
 BEAT_S = WATCHDOG_S / 4  # SBP 1.0 section 5: every quarter of the timeout
 LOOK_S = 1.0  # between two places, the diode is looked at this often
+# The slow serial links are asked between two lines, this often. What can change faster shows elsewhere before each
+# place or line: gate, trigger rate and interlock at the bridge, drive voltage in the amplitude of the reference.
+ALL_S = 5.0
 
 
 class Supervisor:
@@ -29,6 +32,7 @@ class Supervisor:
         self._timer: Timer | None = None
         self._failure: DeviceError | None = None
         self._diode_seen_s = -float("inf")
+        self._all_seen_s = -float("inf")
 
     def start_beating(self) -> None:
         """Send the first heartbeat now and one each quarter of the watchdog's time from then on."""
@@ -65,6 +69,19 @@ class Supervisor:
         bench.galvo.ready()  # busy or not does not matter: it has answered
         lines = disk_lines() if disk_lines is not None else None
         self._judge(Readings(mirrors_answer=True, disk_lines=lines), emitting)
+        self._all_seen_s = bench.clock.now()
+
+    def look_before_line(self, disk_lines: Callable[[], float]) -> None:
+        """Between two lines, with the laser on: look at all if it is due again, else as before a place.
+
+        Raises
+        ------
+        InterlockTripped, DeviceError
+        """
+        if self._bench.clock.now() - self._all_seen_s >= ALL_S:
+            self.look_at_all(emitting=True, disk_lines=disk_lines)
+        else:
+            self.look()
 
     def look(self) -> None:
         """Before each place: heartbeat and bridge; the diode once a second.
