@@ -152,6 +152,8 @@ def point_frame(x_code: int, y_code: int, *, points: int = 10, rate_hz: int = 20
 def path_frame(xy: ArrayLike, marked: ArrayLike, rate_hz: int) -> GalvoFrame:
     """Make a frame that is played once along a path and raises the marker line at some of its points.
 
+    Where the packet trap would cost a point and change the rate, the last point is doubled instead.
+
     Parameters
     ----------
     xy : (n, 2) array of int
@@ -176,6 +178,40 @@ def path_frame(xy: ArrayLike, marked: ArrayLike, rate_hz: int) -> GalvoFrame:
         raise ValueError(f"codes {codes.min()} to {codes.max()} are not all within 0 to {CODES - 1}")
     if not RATE_MIN_HZ <= rate_hz <= RATE_MAX_HZ:
         raise ValueError(f"rate {rate_hz} points/s is outside {RATE_MIN_HZ} to {RATE_MAX_HZ}")
+    if (7 * len(codes) + 5) % PACKET == 0:
+        codes, marks = np.append(codes, codes[-1:], axis=0), np.append(marks, marks[-1:])
     colours = np.zeros((len(codes), 4), np.uint8)
     colours[:, 2] = np.where(marks, 255, 0)
     return GalvoFrame(codes.astype(np.uint16), colours, rate_hz, FrameFlag.PLAY_ONCE)
+
+
+def stepped_path(
+    places: ArrayLike, *, settle_points: int, hold_points: int
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Make the path that stops at each place: settle, one marked point, hold.
+
+    Parameters
+    ----------
+    places : (k, 2) array of int
+        Codes of the places in their order.
+    settle_points : int
+        Points at each place before the marked one, 1 or more (the marker line has to fall in between).
+    hold_points : int
+        Points at each place from the marked one on, 1 or more.
+
+    Returns
+    -------
+    xy : (n, 2) int array
+    marked : (n,) bool array
+        For `path_frame`; n = k (settle_points + hold_points).
+
+    Raises
+    ------
+    ValueError
+        When a number of points is below 1.
+    """
+    if settle_points < 1 or hold_points < 1:
+        raise ValueError(f"settle and hold points are 1 or more, not {settle_points} and {hold_points}")
+    stops = np.asarray(places, np.int64).reshape(-1, 2)
+    each = settle_points + hold_points
+    return np.repeat(stops, each, axis=0), np.tile(np.arange(each) == settle_points, len(stops))

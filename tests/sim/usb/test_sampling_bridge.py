@@ -10,6 +10,7 @@ import pytest
 
 from drivers import sbp
 from drivers.errors import DeviceFault, LimitError, LinkLost, ProtocolError, Stall
+from drivers.helios_wire import stepped_path
 from drivers.interfaces import SweepSettings
 from drivers.sampling_bridge import bridge_link
 from drivers.sbp import ErrorCode, Request, Window
@@ -332,8 +333,7 @@ def test_windows_come_on_the_marks_of_the_galvo(bench_1_1: Any) -> None:
     bench.beat()
     bench.bridge.gate_on()
     table = [[Window(4_200_000, 6_700, 96, 1), Window(9_800_000 + 6_700 * m, 6_700, 96, 2)] for m in range(5)]
-    xy = [(400 * m, 0) for m in range(5) for _ in range(20)]
-    marked = [k == 10 for _ in range(5) for k in range(20)]
+    xy, marked = stepped_path([(400 * m, 0) for m in range(5)], settle_points=10, hold_points=10)
     for run_id in (9, 10):
         records = list(bench.bridge.take_windows(run_id, table, begin=lambda: bench.helios.play(xy, marked, 2000)))
         assert [r.number for r in records] == list(range(5))
