@@ -1,0 +1,160 @@
+"""`picoradar sim` in a process of its own, used by other processes: doctor, scan, plain pyusb and pyserial."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import serial
+import usb.core
+import usb.util
+
+from instrument.cli.main import run
+
+PICORADAR = [sys.executable, "-m", "instrument.cli"]
+
+
+@pytest.fixture(scope="module")
+def sim() -> Iterator[dict[str, Any]]:
+    process = subprocess.Popen(
+        [*PICORADAR, "sim", "--speed", "20", "--target", "plate", "--seed", "5"], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    told = json.loads(process.stdout.readline())
+    yield told
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(10) == 0
+    assert process.stdout.read() == "", "nothing but the first line may be on stdout"
+    process.stdout.close()
+    assert not Path(told["settings"]).exists()
+
+
+def over_ptys(told: dict[str, Any], folder: Path) -> Path:
+    text = Path(told["settings"]).read_text()
+    for ports in told["serial"].values():
+        text = text.replace(ports["socket"], ports["pty"])
+    path = folder / "ptys.toml"
+    path.write_text(text)
+    return path
+
+
+def test_the_first_line_says_what_there_is(sim: dict[str, Any]) -> None:
+    assert sim["ready"] is True
+    assert sim["seed"] == 5
+    assert {"dg645", "genesys", "tec"} <= sim["serial"].keys()
+    for ports in sim["serial"].values():
+        assert re.fullmatch(r"socket://127\.0\.0\.1:\d+", ports["socket"])
+        assert (ports["pty"] is None) == (os.name != "posix")
+
+
+def test_the_doctor_finds_every_device(sim: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["doctor", "--settings", sim["settings"], "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["ok"] is True
+    assert [d["name"] for d in told["devices"]] == ["dg645", "genesys", "tec", "helios", "bridge"]
+    assert all(d["ok"] and d["identity"] and d["problem"] is None for d in told["devices"])
+
+
+def accepted(told: dict[str, Any]) -> bool:
+    return (told["points"], told["stop_reason"], told["laser_off_verified"]) == (16, "complete", True)
+
+
+def test_a_scan_over_sockets(sim: dict[str, Any], tmp_path: Path) -> None:
+    done = subprocess.run(
+        [*PICORADAR, "scan", "--settings", sim["settings"], "--grid", "4x4", "-o", str(tmp_path / "scan.db"), "--json"],
+        capture_output=True, text=True, check=False, timeout=55,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert accepted(json.loads(done.stdout))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there are no ptys on this system")
+def test_a_scan_over_ptys(sim: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    settings, recording = over_ptys(sim, tmp_path), tmp_path / "scan.db"
+    assert run(["scan", "--settings", str(settings), "--grid", "4x4", "-o", str(recording), "--json"]) == 0
+    assert accepted(json.loads(capsys.readouterr().out))
+
+
+def test_pyusb_of_another_process_walks_all_descriptors(sim: dict[str, Any]) -> None:
+    module, _, function = sim["usb"]["backend"].partition(":")
+    backend = getattr(importlib.import_module(module), function)(sim["usb"]["address"])
+    devices = list(usb.core.find(find_all=True, backend=backend))
+    helios, bridge = sorted(devices, key=lambda d: d.idProduct, reverse=True)[:2]
+    assert (helios.idVendor, helios.idProduct, helios.product) == (0x1209, 0xE500, "Helios Laser DAC")
+    assert (bridge.idVendor, bridge.idProduct, bridge.serial_number) == (0x1209, 0x0001, "SB-0001")
+    found = {e.bEndpointAddress for c in helios for i in c for e in i}
+    assert found == {0x02, 0x81, 0x06, 0x83, 0x84, 0x05}
+    assert usb.core.find(idProduct=0x1234, backend=backend) is None
+    for device in devices:
+        usb.util.dispose_resources(device)
+
+
+def test_usb_of_another_process_behaves_as_a_bus(sim: dict[str, Any]) -> None:
+    module, _, function = sim["usb"]["backend"].partition(":")
+    backend = getattr(importlib.import_module(module), function)(sim["usb"]["address"])
+    bridge = usb.core.find(idProduct=0x0001, backend=backend)
+    with pytest.raises(usb.core.USBTimeoutError):
+        bridge.read(0x81, 512, 50)
+    with pytest.raises(usb.core.USBError) as stall:
+        bridge.ctrl_transfer(0xC1, 0x7F, 0, 0, 16)
+    assert stall.value.errno == 32
+    other = usb.core.find(idProduct=0x0001, backend=backend)
+    with pytest.raises(usb.core.USBError) as busy:
+        usb.util.claim_interface(other, 0)
+    assert busy.value.errno == 16
+    usb.util.dispose_resources(bridge)
+    usb.util.claim_interface(other, 0)
+    usb.util.dispose_resources(other)
+
+
+def test_two_hosts_at_once_do_not_wait_for_each_other(sim: dict[str, Any]) -> None:
+    module, _, function = sim["usb"]["backend"].partition(":")
+    backend = getattr(importlib.import_module(module), function)(sim["usb"]["address"])
+    bridge = usb.core.find(idProduct=0x0001, backend=backend)
+    late: list[bool] = []
+
+    def wait_for_data() -> None:
+        with pytest.raises(usb.core.USBTimeoutError):
+            bridge.read(0x81, 512, 20_000)  # one second of the wall
+        late.append(True)
+
+    usb.util.claim_interface(bridge, 0)
+    waiting = threading.Thread(target=wait_for_data)
+    waiting.start()
+    with serial.serial_for_url(sim["serial"]["dg645"]["socket"], timeout=2.0) as port:
+        for _ in range(3):
+            port.write(b"*IDN?\n")
+            assert b"DG645" in port.read_until(b"\r\n")
+            assert len(bridge.ctrl_transfer(0xC1, 3, 0, 0, 64)) == 32  # GET_STATUS, while the read waits
+    assert not late
+    waiting.join()
+    usb.util.dispose_resources(bridge)
+
+
+def test_a_speed_that_cannot_be_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    for speed in ("max", "1000", "0", "fast"):
+        assert run(["sim", "--speed", speed]) == 2
+        assert "--speed" in capsys.readouterr().err
+
+
+def test_a_host_that_comes_when_the_bench_has_gone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    settings = tmp_path / "gone.toml"
+    settings.write_text(
+        'bench = "devices"\n[links]\ndg645 = "socket://127.0.0.1:9"\ngenesys = "socket://127.0.0.1:9"\n'
+        'tec = "socket://127.0.0.1:9"\nusb_backend = "sim.usb.forward:backend"\nusb_address = "127.0.0.1:9"\n'
+    )
+    assert run(["doctor", "--settings", str(settings), "--json"]) == 3
+    told = json.loads(capsys.readouterr().out)
+    assert told["ok"] is False
+    for device in told["devices"]:
+        assert "picoradar sim" in device["problem"]
