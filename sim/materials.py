@@ -50,14 +50,14 @@ def backscatter(cosine: FloatArray, coefficients: FloatArray) -> FloatArray:
     Parameters
     ----------
     cosine : (N,) array
-        Cosine of the incidence angle; 0 or less gives nothing.
+        Cosine of the incidence angle, 0 to 1.
     coefficients : (N, 4) array
         `Material.coefficients` of each ray's surface.
     """
     a, b, s, g = coefficients.T
     squared = cosine * cosine
-    tangent = (1.0 - squared) / np.maximum(squared, 1e-9)
-    return np.asarray((a * cosine + b * (1.0 - squared) + s * np.exp(-g * tangent)) * (cosine > 0))
+    sine_squared = 1.0 - squared
+    return np.asarray(a * cosine + b * sine_squared + s * np.exp(-g * sine_squared / np.maximum(squared, 1e-9)))
 
 
 BONE_DRY = Material(0.66)

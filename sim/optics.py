@@ -131,61 +131,68 @@ class Optics:
     def acquire(self, wanted: Acquisition) -> NDArray[np.uint32]:
         """Take one window; see `sim.wires.SignalSource.acquire`.
 
+        Each sample of each sweep is a shot of its own, so jitter, energy noise, shot noise and amplifier noise are
+        independent from sample to sample: their variances add, and one Gaussian number stands for all of them.
+
         All numbers come from streams keyed by ``wanted.key``, and the diode's temperature is taken on a grid of
         10 mK, so the same measurement under the same conditions gives the same codes whenever it is made.
         """
-        signal_mv = np.zeros((wanted.sweeps, wanted.samples), dtype=np.float32)
-        variance_mv2 = np.full(wanted.samples, self._receiver.dark_noise_mv**2)
+        noise = self._noise.stream("receiver", *wanted.key).standard_normal(
+            (wanted.sweeps, wanted.samples), dtype=np.float32
+        )
         if wanted.gate_open and self._trigger.rate_hz > 0:
-            self._add_light(wanted, signal_mv, variance_mv2)
-        noise = self._noise.stream("receiver", *wanted.key).standard_normal(signal_mv.shape, dtype=np.float32)
-        noise *= np.sqrt(variance_mv2).astype(np.float32)
-        signal_mv += noise
+            signal_mv = self._with_light(wanted, noise)
+        else:
+            signal_mv = np.multiply(noise, np.float32(self._receiver.dark_noise_mv), out=noise)
         sums, self._clipped = digitise(signal_mv, self._settings)
         return sums
 
-    def _add_light(
-        self, wanted: Acquisition, signal_mv: NDArray[np.float32], variance_mv2: NDArray[np.float64]
-    ) -> None:
+    def _with_light(self, wanted: Acquisition, noise: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Turn standard noise (sweeps, samples) into the signal of every shot, in mV; uses ``noise`` up."""
         s = self._settings
         diode_degc = round(self._block.temperature_degc() / TEMPERATURE_GRID_DEGC) * TEMPERATURE_GRID_DEGC
         drive_v = self._supply.output_v()
         laser = self._transmitter.pulse(drive_v, diode_degc, self._trigger.rate_hz)
         view = self._look(wanted)
 
-        response_mv = self._sample(wanted, view, laser, signal_mv)
-        if laser.misfire_share > 0:
-            weak_mv = np.zeros_like(signal_mv)
-            self._sample(wanted, view, self._transmitter.misfire(drive_v, laser.delay_ps), weak_mv)
-            missed = self._noise.stream("laser.misfire", *wanted.key).random(signal_mv.shape) < laser.misfire_share
-            np.copyto(signal_mv, weak_mv, where=missed)
-        if s.lost_trigger_share > 0:
-            lost = self._noise.stream("sampler.lost_trigger", *wanted.key).random(signal_mv.shape)
-            signal_mv[lost < s.lost_trigger_share] = 0.0
+        mean_mv, sigma_mv, response_mv = self._sample(wanted, view, laser)
         self.truth[wanted.key[:3]] = Truth(view.range_mm, response_mv, view.angles_rad, view.point_mm)
+        if laser.misfire_share == 0 and s.lost_trigger_share == 0:
+            noise *= sigma_mv
+            noise += mean_mv
+            return noise
 
-        # Shot noise and energy noise act shot by shot, and each sample is a shot: independent, so variances add.
-        mean_mv = np.maximum(signal_mv.mean(axis=0), 0.0)
-        variance_mv2 += (self._receiver.shot_noise_mv + laser.energy_noise**2 * mean_mv) * mean_mv
+        signal_mv = mean_mv + sigma_mv * noise
+        weak_mv, weak_sigma_mv, _ = self._sample(wanted, view, self._transmitter.misfire(drive_v, laser.delay_ps))
+        missed = self._noise.stream("laser.misfire", *wanted.key).random(noise.shape) < laser.misfire_share
+        np.copyto(signal_mv, weak_mv + weak_sigma_mv * noise, where=missed)
+        lost = self._noise.stream("sampler.lost_trigger", *wanted.key).random(noise.shape) < s.lost_trigger_share
+        np.copyto(signal_mv, np.float32(self._receiver.dark_noise_mv) * noise, where=lost)
+        return signal_mv
 
-    def _sample(self, wanted: Acquisition, view: _View, laser: LaserPulse, signal_mv: NDArray[np.float32]) -> float:
-        """Add reference and echoes of one kind of laser pulse; returns the response of the strongest echo."""
+    def _sample(
+        self, wanted: Acquisition, view: _View, laser: LaserPulse
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
+        """Mean and standard deviation (samples,) in mV of shots of one kind, and the response of the best echo."""
         s, receiver = self._settings, self._receiver
         record_s = wanted.sweeps * (wanted.samples + wanted.settle_shots) / wanted.prf_hz
         drift_ps = self._drift.at((wanted.key[0] + wanted.key[2]) * record_s)
-        instants_ps = (wanted.delay_ps + s.strobe_lag_ps + drift_ps) + wanted.step_ps * np.arange(
-            wanted.samples, dtype=np.float64
-        )
-        jitter = self._noise.stream("sampler.jitter", *wanted.key)
+        first_ps = wanted.delay_ps + s.strobe_lag_ps + drift_ps
+        instants_ps = first_ps + wanted.step_ps * np.arange(wanted.samples, dtype=np.float64)
 
         echoes = receiver.pulses(
             laser.delay_ps + 2 * view.path_mm / LIGHT_MM_PER_PS,
             receiver.charge_fc(laser.energy_pj * view.returned),
             laser.fwhm_ps,
         )
+        mean_mv, slope = np.zeros((2, wanted.samples))
         for pulse in self._reference(laser) + echoes:
-            add_pulse(signal_mv, instants_ps, pulse, jitter, s.trigger_jitter_ps)
-        return max((echo.response_mv for echo in echoes), default=0.0)
+            add_pulse(mean_mv, slope, instants_ps, pulse)
+        light_mv = np.maximum(mean_mv, 0.0)
+        variance_mv2 = receiver.dark_noise_mv**2 + receiver.shot_noise_mv * light_mv
+        variance_mv2 += (laser.energy_noise * light_mv) ** 2 + (s.trigger_jitter_ps * slope) ** 2
+        response_mv = max((echo.response_mv for echo in echoes), default=0.0)
+        return mean_mv.astype(np.float32), np.sqrt(variance_mv2).astype(np.float32), response_mv
 
     def _make_reference(self, laser: LaserPulse) -> list[Pulse]:
         arrival_ps = laser.delay_ps + self._settings.reference_path_mm / LIGHT_MM_PER_PS

@@ -22,7 +22,7 @@ SIGMA_PER_FWHM = 1.0 / math.sqrt(8 * math.log(2))
 GRID_PS = 1.0
 TABLE_PS = 0.25  # nearest entry is good to 1e-3 of a pulse, well below a code
 SPAN_PS = 8192
-SUPPORT_LEVEL = 1e-4
+SUPPORT_LEVEL = 2e-4
 LEVELS = 33
 NOMINAL_FWHM_PS = 44.0
 APART_PS = 200.0  # light that arrives later than this is a pulse of its own for the photodiode's speed
@@ -114,6 +114,8 @@ class Receiver:
         list of Pulse
             One for each group of parts that arrive close together, in order of time.
         """
+        if len(arrivals_ps) and np.ptp(arrivals_ps) < TOGETHER_PS and charges_fc.any():
+            return [self._group(arrivals_ps, charges_fc, laser_fwhm_ps)]
         order = arrivals_ps.argsort()
         order = order[charges_fc[order] > 0]
         arrivals, charges = arrivals_ps[order], charges_fc[order]
@@ -129,9 +131,9 @@ class Receiver:
     def _group(self, arrivals_ps: FloatArray, charges_fc: FloatArray, laser_fwhm_ps: float) -> Pulse:
         charge_fc = float(charges_fc.sum())
         start_ps, shape, response_mv = self._response(charge_fc, laser_fwhm_ps)
-        first_ps = float(arrivals_ps[0])
-        if arrivals_ps[-1] - first_ps < TOGETHER_PS:
+        if np.ptp(arrivals_ps) < TOGETHER_PS:
             return Pulse(shape, float(arrivals_ps @ charges_fc) / charge_fc + start_ps, response_mv)
+        first_ps = float(arrivals_ps[0])
         places = np.rint((arrivals_ps - first_ps) / TABLE_PS).astype(np.int64)
         together = np.zeros(len(shape) + int(places[-1]), dtype=np.float32)
         for place, share in zip(places, charges_fc / charge_fc, strict=True):

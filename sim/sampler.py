@@ -9,42 +9,29 @@ from sim.receiver import TABLE_PS, Pulse
 from sim.settings import SimulationSettings
 
 MAX_CODE = 255
-JITTER_REACH = 6.0
+SLOPE_ENTRIES = 4
 
 
 def add_pulse(
-    signal_mv: NDArray[np.float32],
-    instants_ps: NDArray[np.float64],
-    pulse: Pulse,
-    jitter: np.random.Generator,
-    jitter_ps: float,
+    signal_mv: NDArray[np.float64], slope: NDArray[np.float64], instants_ps: NDArray[np.float64], pulse: Pulse
 ) -> None:
-    """Add a pulse to what each shot samples.
-
-    Every sample is a shot of its own, so every sample has its own jitter.
+    """Add a pulse to what the strobe finds at each of its instants.
 
     Parameters
     ----------
-    signal_mv : (sweeps, samples) float32 array
-        Changed in place.
+    signal_mv, slope : (samples,) arrays
+        Signal, and its slope in mV/ps (what jitter turns into noise); changed in place.
     instants_ps : (samples,) array
         True sampling instants, increasing.
     pulse : Pulse
         Begins and ends at zero.
-    jitter : numpy.random.Generator
-        Stream of the jitter.
-    jitter_ps : float
-        Standard deviation of the jitter.
     """
-    reach_ps = JITTER_REACH * jitter_ps
-    first, last = np.searchsorted(instants_ps, (pulse.begin_ps - reach_ps, pulse.end_ps + reach_ps))
-    if first == last:
-        return
-    entries = jitter.standard_normal((signal_mv.shape[0], last - first), dtype=np.float32)
-    entries *= np.float32(jitter_ps / TABLE_PS)
-    entries += ((instants_ps[first:last] - pulse.begin_ps) / TABLE_PS).astype(np.float32)
-    np.rint(entries, out=entries)
-    signal_mv[:, first:last] += pulse.shape.take(entries.astype(np.int32), mode="clip")
+    first, last = np.searchsorted(instants_ps, (pulse.begin_ps, pulse.end_ps))
+    entries = np.rint((instants_ps[first:last] - pulse.begin_ps) / TABLE_PS).astype(np.intp)
+    signal_mv[first:last] += pulse.shape.take(entries)
+    after = pulse.shape.take(entries + SLOPE_ENTRIES, mode="clip")
+    before = pulse.shape.take(entries - SLOPE_ENTRIES, mode="clip")
+    slope[first:last] += (after - before) / (2 * SLOPE_ENTRIES * TABLE_PS)
 
 
 def digitise(signal_mv: NDArray[np.float32], settings: SimulationSettings) -> tuple[NDArray[np.uint32], bool]:
@@ -55,7 +42,6 @@ def digitise(signal_mv: NDArray[np.float32], settings: SimulationSettings) -> tu
     Parameters
     ----------
     signal_mv : (sweeps, samples) float32 array
-        Used up as work space.
     settings : SimulationSettings
         Size of a code, code of 0 V, offset and non-linearity.
 
@@ -64,14 +50,13 @@ def digitise(signal_mv: NDArray[np.float32], settings: SimulationSettings) -> tu
     (samples,) uint32 array, bool
         Sums of the codes, and whether any single code is at an end of the range.
     """
-    codes = signal_mv
-    codes *= np.float32(1 / settings.mv_per_code)
-    codes += np.float32(settings.code_of_zero + settings.adc_offset_codes)
-    if settings.adc_bow_codes:
-        bow = np.float32(MAX_CODE) - codes
-        bow *= codes
-        bow *= np.float32(4 * settings.adc_bow_codes / MAX_CODE**2)
-        codes += bow
+    # With x = v / lsb + zero, the code is x + 4 bow x (255 - x) / 255^2: a parabola in v, evaluated by Horner's rule.
+    per_mv, zero = 1 / settings.mv_per_code, settings.code_of_zero + settings.adc_offset_codes
+    bend = 4 * settings.adc_bow_codes / MAX_CODE**2
+    codes = signal_mv * np.float32(-bend * per_mv**2)
+    codes += np.float32(per_mv * (1 + bend * (MAX_CODE - 2 * zero)))
+    codes *= signal_mv
+    codes += np.float32(zero + bend * zero * (MAX_CODE - zero))
     np.rint(codes, out=codes)
     clipped = bool(codes.min() <= 0 or codes.max() >= MAX_CODE)
     if clipped:

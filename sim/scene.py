@@ -109,13 +109,15 @@ class Scene:
         Hits
         """
         face = self._embree.run(origins.astype(np.float32), directions.astype(np.float32))
-        surface = self._faces[np.maximum(face, 0)]
+        surface = self._faces[face]  # for a miss the last face, of no consequence
         normal = surface[:, :3]
-        slope = (normal * directions).sum(axis=1)
-        height = surface[:, 3] - (normal * origins).sum(axis=1)
-        distance = np.full(len(face), np.inf)
-        np.divide(height, slope, out=distance, where=(face != MISS) & (slope != 0))
-        seen = (distance > 0) & (distance < np.inf)
-        distance[~seen] = np.inf
-        cosine = np.abs(slope) * seen
-        return Hits(distance, np.where(seen, face, MISS).astype(np.int64), cosine, backscatter(cosine, surface[:, 4:]))
+        slope = np.einsum("ij,ij->i", normal, directions)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = (surface[:, 3] - np.einsum("ij,ij->i", normal, origins)) / slope
+        cosine = np.abs(slope)
+        brightness = backscatter(cosine, surface[:, 4:])
+        seen = (face != MISS) & (distance > 0) & (distance < np.inf)
+        if not seen.all():
+            distance[~seen], cosine[~seen], brightness[~seen] = np.inf, 0.0, 0.0
+            face = np.where(seen, face, MISS)
+        return Hits(distance, face.astype(np.int64), cosine, brightness)

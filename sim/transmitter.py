@@ -14,6 +14,7 @@ FALL_PER_RISE_SIGMA = 0.697  # the current falls faster than it rises: 2.39 ns o
 RISE_PER_SIGMA = 1.687
 HALF_WIDTH_PER_SIGMA = math.sqrt(2 * math.log(2))
 
+SURE_DEVIATIONS = 6.0  # this far from the threshold, either all shots miss it or none
 OPERATING_V, OPERATING_DEGC, OPERATING_HZ = 290.0, 23.0, 80e3
 
 
@@ -129,8 +130,8 @@ class Transmitter:
         prf_hz : float, optional
             Rate of the triggers, for the diode's own heat.
         """
-        if drive_v <= 0:
-            return LaserPulse(0.0, self._s.normal_fwhm_ps, 0.0, 0.0, 0.0)
+        if drive_v <= self._s.inversion_offset_v:
+            return LaserPulse(0.0, self._s.normal_fwhm_ps, self._s.emission_delay_ps, 0.0, 0.0)
         current = self.current(drive_v, block_degc, prf_hz)
         warmer_k = self.junction_degc(block_degc, drive_v, prf_hz) - self._operating_junction_degc
         peak_w, fwhm_ps = self._spike(current.peak_a, warmer_k)
@@ -139,13 +140,17 @@ class Transmitter:
         sooner = 1.0 - self._volts_to_a(OPERATING_V) / current.peak_a
         delay_ps = self._s.emission_delay_ps - sooner * self._s.gathering_delay_ps
         delay_ps += self._s.delay_ps_per_k * warmer_k + 1e3 * (current.delay_ns - self._lag_ns)
-        short_of_a = (self._volts_to_a(self._s.misfire_v) - current.peak_a) / (self._s.current_noise * current.peak_a)
-        misfires = 0.5 * math.erfc(-short_of_a / math.sqrt(2))
-        return LaserPulse(peak_w, fwhm_ps, delay_ps, gain * self._s.current_noise, misfires if misfires > 1e-9 else 0.0)
+        missing = self._volts_to_a(self._s.misfire_v) / current.peak_a - 1.0
+        deviations = missing / max(self._s.current_noise, 1e-6)
+        if deviations > SURE_DEVIATIONS:
+            return self.misfire(drive_v, delay_ps)
+        misfires = 0.0 if deviations < -SURE_DEVIATIONS else 0.5 * math.erfc(-deviations / math.sqrt(2))
+        return LaserPulse(peak_w, fwhm_ps, delay_ps, gain * self._s.current_noise, misfires)
 
     def misfire(self, drive_v: float, delay_ps: float) -> LaserPulse:
-        """Get the pulse of the normal mode, long and weak; its power goes as the current."""
-        return LaserPulse(self._s.normal_peak_w * drive_v / 240.0, self._s.normal_fwhm_ps, delay_ps, 0.0, 0.0)
+        """Get the pulse of the normal mode, long and weak; its power goes as the current above threshold."""
+        above = (drive_v - self._s.inversion_offset_v) / (240.0 - self._s.inversion_offset_v)
+        return LaserPulse(self._s.normal_peak_w * above, self._s.normal_fwhm_ps, delay_ps, 0.0, 0.0)
 
     def _spike(self, peak_a: float, warmer_k: float) -> tuple[float, float]:
         """Peak power (W) and width (ps) of the spike."""

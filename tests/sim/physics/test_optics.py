@@ -133,6 +133,18 @@ def test_shots_below_the_spike_threshold_give_long_weak_pulses(make_bench):
     assert np.ptp(above) * 6.7 > 800.0
 
 
+def test_jitter_of_each_shot_moves_the_edge(make_bench):
+    """On the edge of the reference, single shots scatter by slope times jitter, each on its own."""
+    quiet = {"amplifier_noise_mv": 0.0, "current_noise": 0.0, "excess_noise_factor": 1.0, "background_nw": 0.0}
+    bench = make_bench(trigger_jitter_ps=12.0, drift_ps=0.0, **quiet)
+    shots = np.array([bench.trace_mv(number, sweeps=1) for number in range(1, 401)])
+    mean = shots.mean(axis=0)
+    edge = int(np.argmax(mean > 22.0))
+    slope = (mean[edge + 1] - mean[edge - 1]) / 13.4
+    assert shots[:, edge].std() == pytest.approx(12.0 * slope, rel=0.1)
+    assert abs(np.corrcoef(shots[:, edge], shots[:, edge + 1])[0, 1]) < 0.15
+
+
 def test_lost_triggers_leave_holes(make_bench):
     whole, holed = (make_bench(lost_trigger_share=share).trace_mv(1, sweeps=64) for share in (0.0, 0.25))
     assert holed.max() / whole.max() == pytest.approx(0.75, abs=0.12)
