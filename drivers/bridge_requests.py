@@ -10,10 +10,12 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from drivers.errors import DeviceFault, ProtocolError, Stall
-from drivers.sbp import BadBlock, ErrorCode, ErrorEntry, Request, Status
+from drivers.interfaces import SamplerStatus
+from drivers.sbp import BadBlock, ErrorCode, ErrorEntry, Gate, Request, Status, StatusFlag
 from drivers.usb_link import UsbLink
 
 _Block = TypeVar("_Block")
+_GATES = {Gate.OFF: "off", Gate.ON: "on", Gate.LOCKED: "locked"}
 
 
 class BridgeRequests:
@@ -80,3 +82,22 @@ class BridgeRequests:
                 break
             entries.append(entry)
         return entries
+
+
+def gate_name(gate: Gate) -> str:
+    """Get the state of the gate as the controller names it."""
+    return _GATES[gate]
+
+
+def sampler_status(status: Status, problem: str) -> SamplerStatus:
+    """Get what the controller is told of a status block."""
+    return SamplerStatus(
+        state=status.state.name.lower(),
+        gate=gate_name(status.gate),
+        interlock_closed=bool(status.flags & StatusFlag.INTERLOCK_CLOSED),
+        trigger_present=bool(status.flags & StatusFlag.TRIGGER_PRESENT),
+        trigger_hz=status.trigger_mhz / 1000,
+        watchdog_left_s=status.watchdog_ms / 1000,
+        problem=problem,
+        clock_locked=bool(status.flags & StatusFlag.CLOCK_LOCKED),
+    )

@@ -9,13 +9,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
-from drivers import scpi_waveform as wire
 from drivers.clock import Clock
 from drivers.errors import DeviceError, DeviceFault, LimitError, ProtocolError, Timeout, check_range
 from drivers.interfaces import Identity, Record, Sampler, SamplerStatus, SweepSettings
-from drivers.scpi_waveform import BadWaveform
+from drivers.scope_record import waveform_record
+from drivers.scpi_waveform import BadWaveform, Preamble, decode_block, decode_words
 from drivers.usb_link import UsbLink
 from drivers.usbtmc import Usbtmc
 from drivers.usbtmc_wire import INTERFACE_CLASS
@@ -147,11 +145,11 @@ class Oscilloscope:
         Raises
         ------
         DeviceFault
-            When it is not configured, or samples are missing (holes are never filled).
+            When it is not configured, or took the waveform on another time axis.
         Timeout
             When a waveform is not finished in time; the acquisition was aborted.
         ProtocolError
-            When an answer breaks the rules.
+            When an answer breaks the rules, or samples are missing (holes are never filled).
         """
         sweep = self._sweep
         if sweep is None:
@@ -212,32 +210,14 @@ class Oscilloscope:
             remedy = "check that the triggers run and reach its trigger input"
             raise Timeout(self._device, f"no waveform within {3 * record_s + QUIET_S:.1f} s", remedy) from late
         try:
-            preamble = wire.Preamble.decode(self._ask(":WAVeform:PREamble?"))
-            codes = wire.decode_words(wire.decode_block(self.tmc.query(b":WAVeform:DATA?\n")), preamble)
+            preamble = Preamble.decode(self._ask(":WAVeform:PREamble?"))
+            codes = decode_words(decode_block(self.tmc.query(b":WAVeform:DATA?\n")), preamble)
+            self._check_axis(preamble, sweep)
+            return waveform_record(preamble, codes, run_id=run_id, number=number, time_us=round(begin * 1e6))
         except BadWaveform as error:
             raise ProtocolError(self._device, str(error)) from error
-        self._check_axis(preamble, sweep)
-        holes = int((codes == wire.HOLE).sum())
-        if holes:
-            raise DeviceFault(self._device, f"{holes} of {len(codes)} samples were not taken", "take more averages")
-        high, low = codes > wire.HOLE, codes == wire.CLIPPED_LOW
-        high &= ~low
-        held = np.where(high, wire.MOST_CODE, np.where(low, wire.LEAST_CODE, codes)).astype(np.int32)
-        zero_code = preamble.y_reference - preamble.y_origin / preamble.y_increment
-        return Record(
-            run_id=run_id,
-            number=number,
-            sums=(held - wire.LEAST_CODE).astype(np.uint32),
-            sweeps=1,
-            times_ps=preamble.times_s() * 1e12,
-            zero_code=zero_code - wire.LEAST_CODE,
-            mv_per_code=preamble.y_increment * 1e3,
-            clipped=bool(high.any() or low.any()),
-            trigger_lost=False,
-            device_time_us=round(begin * 1e6),
-        )
 
-    def _check_axis(self, preamble: wire.Preamble, sweep: SweepSettings) -> None:
+    def _check_axis(self, preamble: Preamble, sweep: SweepSettings) -> None:
         first_ps = (preamble.x_origin - preamble.x_reference * preamble.x_increment) * 1e12
         off_ps = max(
             abs(first_ps - sweep.start_ps),

@@ -12,18 +12,18 @@ from dataclasses import replace
 from typing import Any
 
 from drivers import sbp
-from drivers.bridge_requests import BridgeRequests
+from drivers.bridge_requests import BridgeRequests, gate_name, sampler_status
 from drivers.bridge_runs import Run, RunReader
 from drivers.clock import Clock
 from drivers.errors import DeviceError, DeviceFault, LimitError, ProtocolError
 from drivers.interfaces import Identity, Record, SamplerStatus, SweepSettings, WindowRecord
 from drivers.sbp import ConfigFlag, Configuration, Gate, Request, StatusFlag, Window
-from drivers.sbp.limits import check_sweep, check_table, femtoseconds
+from drivers.sbp.limits import check_table
+from drivers.sbp.settings import sweep_configuration, window_configuration
 from drivers.usb_link import UsbLink
 
 WATCHDOG_MS = 1000
 RETRIES = 2
-_GATES = {Gate.OFF: "off", Gate.ON: "on", Gate.LOCKED: "locked"}
 
 
 def bridge_link(clock: Clock, *, serial_number: str | None = None, backend: Any = None) -> UsbLink:
@@ -146,7 +146,7 @@ class SamplingBridge:
         """
         self._requests.order(Request.LASER, 1, sbp.LASER_KEY)
         if (gate := self._requests.status().gate) is not Gate.ON:
-            raise DeviceFault(self.link.device, f"gate is {_GATES[gate]} after it was switched on")
+            raise DeviceFault(self.link.device, f"gate is {gate_name(gate)} after it was switched on")
 
     def gate_off(self) -> None:
         """Close the way for triggers to the laser, in every state of the device. Read back."""
@@ -179,16 +179,7 @@ class SamplingBridge:
         self._requests.noted.clear()
         if status.flags & StatusFlag.WATCHDOG_TRIPPED and not problems:
             problems = ["watchdog has tripped"]
-        return SamplerStatus(
-            state=status.state.name.lower(),
-            gate=_GATES[status.gate],
-            interlock_closed=bool(status.flags & StatusFlag.INTERLOCK_CLOSED),
-            trigger_present=bool(status.flags & StatusFlag.TRIGGER_PRESENT),
-            trigger_hz=status.trigger_mhz / 1000,
-            watchdog_left_s=status.watchdog_ms / 1000,
-            problem="; ".join(problems),
-            clock_locked=bool(status.flags & StatusFlag.CLOCK_LOCKED),
-        )
+        return sampler_status(status, "; ".join(problems))
 
     # Records
 
@@ -200,19 +191,7 @@ class SamplingBridge:
         LimitError
             When a value is outside the limits that the device has told; nothing was sent.
         """
-        check_sweep(self.link.device, sweep, self.caps)
-        self._configure(
-            Configuration(
-                start_fs=femtoseconds(sweep.start_ps),
-                step_fs=femtoseconds(sweep.step_ps),
-                samples=sweep.samples,
-                averages=sweep.averages,
-                flags=ConfigFlag.EXTERNAL_TRIGGER,
-                records=1,
-                prf_hz=round(sweep.prf_hz),
-                settle_shots=sweep.settle_shots,
-            )
-        )
+        self._configure(sweep_configuration(self.link.device, sweep, self.caps))
 
     def configure_windows(self, *, prf_hz: float, settle_shots: int, on_advance: bool = False) -> None:
         """Set that records are taken in windows (SBP 1.1), each at an edge of the advance input if asked. Read back.
@@ -222,15 +201,9 @@ class SamplingBridge:
         LimitError
             When the device has no windows, or a value is outside its limits; nothing was sent.
         """
-        sweep = SweepSettings(0.0, self.caps.step_min_fs / 1000, 1, 1, settle_shots, prf_hz)
-        check_sweep(self.link.device, sweep, self.caps)
         if not self.supports_windows:
             raise LimitError(self.link.device, "takes whole sweeps only (SBP 1.0)", "scan in mode sweep")
-        flags = ConfigFlag.EXTERNAL_TRIGGER | ConfigFlag.WINDOWS
-        if on_advance:
-            flags |= ConfigFlag.ADVANCE
-        step_fs = self.caps.step_min_fs
-        self._configure(Configuration(0, step_fs, 1, 1, flags, 0, round(prf_hz), settle_shots=settle_shots))
+        self._configure(window_configuration(self.link.device, prf_hz, settle_shots, on_advance, self.caps))
 
     def take(self, run_id: int, records: int = 1) -> list[Record]:
         """Take that many records in one run.
@@ -314,8 +287,6 @@ class SamplingBridge:
         if (found := self.link.control_in(Request.GET_CONFIG, 0, 256)) != block:
             raise ProtocolError(self.link.device, f"configuration reads back as {found.hex(' ')}")
         self._configuration = configuration
-
-    # Requests
 
 
 def _crc(configuration: Configuration) -> int:

@@ -114,3 +114,38 @@ def check_window(window: Window, prf_hz: int, caps: Caps) -> None:
         raise Refused(ErrorCode.WINDOW_RANGE, min(last_fs // 1000, 0xFFFFFFFF))
     if not 1 <= window.sweeps <= caps.averages_max or window.sweeps * 255 > 0xFFFF:
         raise Refused(ErrorCode.AVERAGES_RANGE, window.sweeps)
+
+
+def u32(data: bytes) -> int:
+    """Read a data stage of one u32.
+
+    Raises
+    ------
+    Refused
+    """
+    if len(data) != 4:
+        raise Refused(ErrorCode.BAD_LENGTH, len(data))
+    return int.from_bytes(data, "little")
+
+
+def expect_empty(data: bytes) -> None:
+    """Check that there is no data stage.
+
+    Raises
+    ------
+    Refused
+    """
+    if data:
+        raise Refused(ErrorCode.BAD_LENGTH, len(data))
+
+
+def flag(value: int) -> bool:
+    """Read a wValue that is 0 or 1.
+
+    Raises
+    ------
+    Refused
+    """
+    if value > 1:
+        raise Refused(ErrorCode.BAD_VALUE, value)
+    return value == 1

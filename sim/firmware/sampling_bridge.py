@@ -7,12 +7,10 @@ Source: protocol sheet ``sampling_bridge.md``. The gate is in `sim.firmware.brid
 
 from __future__ import annotations
 
-import struct
-
 from drivers import sbp
 from drivers.clock import Clock
 from drivers.sbp import ErrorCode, EventKind, Request, State, StatusFlag
-from sim.firmware.bridge_checks import Refused, check_configuration, check_windows
+from sim.firmware.bridge_checks import Refused, check_configuration, check_windows, expect_empty, flag, u32
 from sim.firmware.bridge_gate import TriggerGate
 from sim.firmware.bridge_reports import Reports
 from sim.firmware.bridge_run import Acquirer
@@ -172,16 +170,16 @@ class SamplingBridgeFirmware:
     def _set(self, setup: Setup, data: bytes) -> None:
         match setup.request:
             case Request.SET_CONFIG:
-                self._set_config(setup.value, data)
+                self._set_config(flag(setup.value), data)
             case Request.SET_WINDOWS if self.caps.version >= sbp.VERSION_1_1:
-                self._set_windows(setup.value, data)
+                self._set_windows(flag(setup.value), data)
             case Request.START:
-                self._start(_u32(data))
+                self._start(u32(data))
             case Request.STOP:
-                _expect_empty(data)
-                self.acquirer.stop(at_once=_choice(setup.value, 1) == 1)
+                expect_empty(data)
+                self.acquirer.stop(at_once=flag(setup.value))
             case Request.FLUSH:
-                _expect_empty(data)
+                expect_empty(data)
                 if self.acquirer.state in (State.RUNNING, State.STOPPING):
                     raise Refused(ErrorCode.BUSY, self.acquirer.state)
                 self.acquirer.queue.flush()
@@ -190,20 +188,19 @@ class SamplingBridgeFirmware:
                 if setup.value == 2 and self.acquirer.state is State.FAULT:
                     self.acquirer.abandon(State.IDLE)
             case Request.HEARTBEAT:
-                self.gate.heartbeat(_u32(data))
+                self.gate.heartbeat(u32(data))
             case Request.SET_WATCHDOG:
-                _expect_empty(data)
+                expect_empty(data)
                 self.gate.set_watchdog(setup.value)
             case Request.RESET:
-                _expect_empty(data)
+                expect_empty(data)
                 if setup.value != sbp.RESET_VALUE:
                     raise Refused(ErrorCode.BAD_VALUE, setup.value)
                 self._reset()
             case _:
                 raise Refused(ErrorCode.UNKNOWN_REQUEST, setup.request)
 
-    def _set_config(self, check_only: int, data: bytes) -> None:
-        _choice(check_only, 1)
+    def _set_config(self, check_only: bool, data: bytes) -> None:
         if self.acquirer.state is not State.IDLE:
             raise Refused(ErrorCode.BUSY, self.acquirer.state)
         configuration = check_configuration(data, self.caps)
@@ -211,8 +208,7 @@ class SamplingBridgeFirmware:
             self._configuration = data
             self.acquirer.configure(configuration, int.from_bytes(data[-4:], "little"))
 
-    def _set_windows(self, check_only: int, data: bytes) -> None:
-        _choice(check_only, 1)
+    def _set_windows(self, check_only: bool, data: bytes) -> None:
         if self.acquirer.state not in (State.IDLE, State.WAIT):
             raise Refused(ErrorCode.BUSY, self.acquirer.state)
         configuration = self.acquirer.configuration
@@ -256,7 +252,7 @@ class SamplingBridgeFirmware:
         return sbp.Status(
             state=acquirer.state,
             gate=self.gate.state,
-            flags=StatusFlag(sum(flag for flag, on in flags.items() if on)),
+            flags=StatusFlag(sum(bit for bit, on in flags.items() if on)),
             errors=len(self.reports),
             watchdog_ms=int(self.gate.left_s * 1000),
             run_id=acquirer.run_id,
@@ -276,20 +272,3 @@ class SamplingBridgeFirmware:
 
     def _interlock_changed(self, closed: bool) -> None:
         self.reports.event(EventKind.INTERLOCK, int(closed))
-
-
-def _u32(data: bytes) -> int:
-    if len(data) != 4:
-        raise Refused(ErrorCode.BAD_LENGTH, len(data))
-    return int(struct.unpack("<I", data)[0])
-
-
-def _expect_empty(data: bytes) -> None:
-    if data:
-        raise Refused(ErrorCode.BAD_LENGTH, len(data))
-
-
-def _choice(value: int, most: int) -> int:
-    if value > most:
-        raise Refused(ErrorCode.BAD_VALUE, value)
-    return value
