@@ -20,11 +20,10 @@ POLL_S = 0.01
 class Timer:
     """A call that is due at a moment; `cancel` takes it back."""
 
-    __slots__ = ("callback", "cancelled", "due", "order", "period")
+    __slots__ = ("callback", "cancelled", "due", "period")
 
-    def __init__(self, due: float, order: int, callback: Callable[[], None], period: float | None) -> None:
+    def __init__(self, due: float, callback: Callable[[], None], period: float | None) -> None:
         self.due = due
-        self.order = order
         self.callback = callback
         self.period = period
         self.cancelled = False
@@ -32,9 +31,6 @@ class Timer:
     def cancel(self) -> None:
         """Take the call back; harmless when it has run already."""
         self.cancelled = True
-
-    def __lt__(self, other: Timer) -> bool:
-        return (self.due, self.order) < (other.due, other.order)
 
 
 @runtime_checkable
@@ -76,19 +72,20 @@ class _Timers:
     """The heap of timers that all three clocks share."""
 
     def __init__(self) -> None:
-        self._heap: list[Timer] = []
+        # Tuples, because these are compared much faster than objects; the number keeps timers of one moment in order.
+        self._heap: list[tuple[float, int, Timer]] = []
         self._order = itertools.count()
 
     def now(self) -> float:
         raise NotImplementedError
 
     def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
-        return self._push(Timer(when, next(self._order), callback, None))
+        return self._push(Timer(when, callback, None))
 
     def every(self, period: float, callback: Callable[[], None]) -> Timer:
         if not period > 0:
             raise ValueError(f"period must be positive, not {period}")
-        return self._push(Timer(self.now() + period, next(self._order), callback, period))
+        return self._push(Timer(self.now() + period, callback, period))
 
     def run_due(self) -> None:
         """Run the timers that are due now."""
@@ -96,24 +93,24 @@ class _Timers:
             self._run(timer)
 
     def _push(self, timer: Timer) -> Timer:
-        heapq.heappush(self._heap, timer)
+        heapq.heappush(self._heap, (timer.due, next(self._order), timer))
         return timer
 
     def _next_due(self) -> float | None:
-        while self._heap and self._heap[0].cancelled:
-            heapq.heappop(self._heap)
-        return self._heap[0].due if self._heap else None
+        heap = self._heap
+        while heap and heap[0][2].cancelled:
+            heapq.heappop(heap)
+        return heap[0][0] if heap else None
 
     def _pop_due(self, now: float) -> Timer | None:
         due = self._next_due()
-        return heapq.heappop(self._heap) if due is not None and due <= now else None
+        return heapq.heappop(self._heap)[2] if due is not None and due <= now else None
 
     def _run(self, timer: Timer) -> None:
         # A periodic timer is re-armed after its call, so it can never nest in itself.
         timer.callback()
         if timer.period is not None and not timer.cancelled:
             timer.due = max(timer.due + timer.period, self.now())
-            timer.order = next(self._order)
             self._push(timer)
 
 
@@ -210,8 +207,8 @@ class VirtualClock(_Timers):
         itself later than it meant to be, as a busy computer does.
         """
         while (due := self._next_due()) is not None and due <= moment:
-            timer = heapq.heappop(self._heap)
-            self._jump(timer.due)
+            timer = heapq.heappop(self._heap)[2]
+            self._jump(due)
             self._run(timer)
         self._jump(moment)
 

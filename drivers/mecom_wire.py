@@ -16,7 +16,7 @@ ANY_ADDRESS = 0x00
 ALL_ADDRESSES = 0xFF
 
 _REFUSAL = re.compile(r"\+([0-9A-F]{2})")
-_FRAME = re.compile(r"([#!])([0-9A-F]{2})([0-9A-F]{4})([ -~]*)([0-9A-F]{4})")
+_FRAME = re.compile(rb"([#!])([0-9A-F]{2})([0-9A-F]{4})([^#!\x00-\x1F\x7F-\xFF]*)([0-9A-F]{4})\r?\Z")
 
 REFUSALS = {
     0x01: "command not available",
@@ -106,12 +106,12 @@ def decode(line: bytes) -> Frame:
     ValueError
         When the line holds no frame, or other than capital hex digits where they are due.
     """
-    body = line[max(line.rfind(b"#"), line.rfind(b"!"), 0) :].removesuffix(END)
-    match = _FRAME.fullmatch(body.decode("ascii"))
+    match = _FRAME.search(line)
     if match is None:
         raise ValueError(f"{line!r} is no frame")
     control, address, sequence, payload, crc = match.groups()
-    return Frame(control, int(address, 16), int(sequence, 16), payload, int(crc, 16), crc16(body[:-4]))
+    own_crc = crc16(line[match.start() : match.start(5)])
+    return Frame(control.decode(), int(address, 16), int(sequence, 16), payload.decode(), int(crc, 16), own_crc)
 
 
 def encode_float(value: float) -> str:
