@@ -1,0 +1,69 @@
+"""All devices of a transcript."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from drivers.clock import VirtualClock
+from drivers.transcript import read_transcript
+from sim.ports import SerialWire, new_bench_name, publish, withdraw
+from sim.replay.serial_device import SerialReplay
+from sim.replay.usb_device import UsbReplay
+from sim.usb.backend import SimUsbBackend
+
+
+class ReplayedBench:
+    """All devices of a transcript, in process, on the virtual clock.
+
+    Parameters
+    ----------
+    path : Path
+        The transcript.
+    clock : VirtualClock, optional
+        A new one by default.
+
+    Attributes
+    ----------
+    urls : dict
+        URL of each serial device by the name that it has in the transcript.
+    usb_backend : SimUsbBackend
+        pyusb backend that finds the USB devices.
+
+    Raises
+    ------
+    ValueError
+        When the file is no transcript.
+    """
+
+    def __init__(self, path: Path, clock: VirtualClock | None = None) -> None:
+        events = read_transcript(path)
+        self.clock = VirtualClock() if clock is None else clock
+        opened = {e.link: e.more for e in events if e.what == "open"}
+        self.serial = {link: SerialReplay(events, link) for link, more in opened.items() if "baud" in more}
+        self.usb = {link: UsbReplay(events, link, self.clock) for link, more in opened.items() if "baud" not in more}
+        name = new_bench_name()
+        self.urls = {
+            link: publish(name, str(number), SerialWire(device, self.clock))
+            for number, (link, device) in enumerate(self.serial.items())
+        }
+        self.usb_backend = SimUsbBackend(self.clock, self.usb.values())
+
+    @property
+    def finished(self) -> bool:
+        """Get whether every device has played its part to the end."""
+        return all(d.finished for d in self.serial.values()) and all(d.finished for d in self.usb.values())
+
+    def close(self) -> None:
+        """Take the ports away."""
+        for url in self.urls.values():
+            withdraw(url)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        self.close()
