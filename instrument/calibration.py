@@ -7,7 +7,7 @@ import hashlib
 import json
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from scipy.interpolate import PchipInterpolator
 from instrument.errors import BadInput
 
 Method = Literal["half-maximum", "template"]
+METHODS: tuple[Method, ...] = get_args(Method)
 FORMAT: Literal[1] = 1
 PEAK_ROOM_PS = 400.0
 
@@ -97,9 +98,9 @@ class Walk(_Part):
 class ShotNoise(_Part):
     """Noise of a single sample of a single sweep.
 
-    Variance at a signal s with slope s': ``floor_mv^2 + signal_mv s + (signal_share s)^2 + (jitter_ps s')^2``; the terms
-    are bridge, amplifier and A/D, shot noise of the photodiode, energy of the laser pulse, and sampling instant against
-    the laser. Every sample is a shot of its own, so the noise of different samples is independent.
+    Variance at a signal s with slope s': ``floor_mv^2 + signal_mv s + (signal_share s)^2 + (jitter_ps s')^2``; the
+    terms are bridge, amplifier and A/D, shot noise of the photodiode, energy of the laser pulse, and sampling instant
+    against the laser. Every sample is a shot of its own, so the noise of different samples is independent.
     """
 
     floor_mv: float = Field(0.0, ge=0, le=100, description="sd between the pulses; 0: not known, see each trace, mV")

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from instrument.calibration import Calibration, Method, ShotNoise
+from instrument.calibration import METHODS, Calibration, Method, ShotNoise
 from instrument.errors import BadInput
 from instrument.ranging.half_maximum import Edges, half_maximum, join
 from instrument.ranging.pair import mark, to_ranges
@@ -23,7 +22,6 @@ FlagArray = NDArray[np.uint16]
 
 BLOCK = 128  # records handled together: their traces stay in the cache
 LEAST_SAMPLES = 64
-METHODS: tuple[Method, ...] = get_args(Method)
 
 
 def estimate(

@@ -37,7 +37,8 @@ def learn(
     Parameters
     ----------
     levels : sequence of (R, S) float arrays
-        For each gray level the mean traces (mV) of at least 20 records; the target is at rest within a level.
+        For each gray level the mean traces (mV) of at least 20 records, in the order in which they were taken; the
+        target is at rest within a level.
     times_ps : (S,) array
         Sampling instants.
     sweeps : int
@@ -77,9 +78,9 @@ def learn(
 def learn_noise(levels: Sequence[FloatArray], step_ps: float, sweeps: int) -> ShotNoise:
     """Fit the noise model to the scatter of repeated records, sample by sample.
 
-    The variance of each sample over the records, times the sweeps, is a sum of non-negative multiples of 1, s, s^2 and
-    s'^2, with s the mean and s' its slope; weighted non-negative least squares, the weights from a first fit (the
-    scatter of a variance goes with the variance itself).
+    The variance of each sample, from the differences of successive records (a slow drift does not count), times the
+    sweeps, is a sum of non-negative multiples of 1, s, s^2 and s'^2, with s the mean and s' its slope; weighted
+    non-negative least squares, the weights from a first fit (the scatter of a variance goes with the variance itself).
     """
     window = _odd(SMOOTH_PS / step_ps)
     terms: list[FloatArray] = []
@@ -89,7 +90,7 @@ def learn_noise(levels: Sequence[FloatArray], step_ps: float, sweeps: int) -> Sh
         signal = np.maximum(mean - np.median(mean), 0.0)
         slope = savgol_filter(level.mean(axis=0), window, 4, deriv=1, delta=step_ps)
         terms.append(np.column_stack([np.ones_like(signal), signal, signal**2, slope**2]))
-        scatter.append(level.var(axis=0, ddof=1) * sweeps)
+        scatter.append(np.mean(np.diff(level, axis=0) ** 2, axis=0) / 2 * sweeps)
     design, variance = np.concatenate(terms), np.concatenate(scatter)
     weight = np.full_like(variance, 1.0 / max(float(np.median(variance)), 1e-12))
     for _ in range(3):

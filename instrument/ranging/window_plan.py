@@ -57,6 +57,8 @@ class PlanSettings:
         Whether the ranges of a line will share their reference; a few shots on it are then enough.
     first_response_mv : float
         Response to plan for while none has been seen.
+    free_shots : int
+        Shots on the reference that cost no time, because the mirrors settle meanwhile.
     """
 
     wanted_sd_mm: float = 0.2
@@ -67,6 +69,7 @@ class PlanSettings:
     sweeps: tuple[int, ...] = (1, 2, 3, 4, 6, 8)
     shared_reference: bool = True
     first_response_mv: float = 30.0
+    free_shots: int = 0
 
 
 @dataclass
@@ -183,8 +186,8 @@ class WindowPlanner:
         return Place(_at(reference, reference_ps), _at(echo, expected_ps), wide)
 
     def _cheapest(self, reference_margin_ps: float, margin_ps: float, response_mv: float) -> tuple[Window, Window]:
-        """Return the windows (their start against the pulse's 50 % point) with the fewest shots that promise what is
-        wanted; if none does, the best there are."""
+        """Return the windows (their start against the pulse's 50 % point) that take the shortest time of those that
+        promise what is wanted, the best ones of equal time; if none does, the best there are."""
         s = self.settings
         references, echoes = self._windows(reference_margin_ps), self._windows(margin_ps)
         promised = promised_sd_mm(
@@ -195,10 +198,11 @@ class WindowPlanner:
             room_ps=(reference_margin_ps + FOOT_PS, margin_ps + FOOT_PS),
             sharing=self.columns if s.shared_reference else 1,
         )
-        shots = np.add.outer([w.shots(s.settle_shots) for w in references], [w.shots(s.settle_shots) for w in echoes])
+        first = np.maximum([w.shots(s.settle_shots) for w in references], s.free_shots)
+        shots = np.add.outer(first, [w.shots(s.settle_shots) for w in echoes])
         enough = promised <= s.wanted_sd_mm
-        best = np.argmin(np.where(enough, shots, np.inf)) if enough.any() else np.argmin(promised)
-        r, e = np.unravel_index(best, promised.shape)
+        cost = np.where(enough, shots, np.inf) if enough.any() else promised
+        r, e = np.unravel_index(np.lexsort((promised.ravel(), cost.ravel()))[0], promised.shape)
         return references[r], echoes[e]
 
     def _windows(self, margin_ps: float) -> list[Window]:
