@@ -7,6 +7,7 @@ load on the computer counts as little as it can.
 from __future__ import annotations
 
 import sys
+import time
 import timeit
 from array import array
 from collections.abc import Callable
@@ -60,8 +61,8 @@ class Source:
 
 
 def best(call: Callable[[], object], number: int) -> float:
-    """Get the seconds of one call: the best mean of several rounds."""
-    return min(timeit.repeat(call, number=number, repeat=ROUNDS)) / number
+    """Get the seconds of one call on the processor: the best mean of several rounds."""
+    return min(timeit.repeat(call, number=number, repeat=ROUNDS, timer=time.process_time)) / number
 
 
 def frames(samples: int, count: int) -> bytes:

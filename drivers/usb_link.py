@@ -192,9 +192,10 @@ class UsbLink:
             device = self._opened()
             left_s = end - self.clock.now()
             try:
-                data: array[int] = device.read(endpoint, size, _ms(min(max(left_s, 0.0), SLICE_S)))
-                self._note("read", data.tobytes(), endpoint=endpoint)
-                return data.tobytes()
+                buffer: array[int] = device.read(endpoint, size, _ms(min(max(left_s, 0.0), SLICE_S)))
+                data = buffer.tobytes()
+                self._note("read", data, endpoint=endpoint)
+                return data
             except usb.core.USBTimeoutError as error:
                 self.clock.run_due()
                 if self.clock.now() >= end:
