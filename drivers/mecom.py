@@ -7,7 +7,7 @@ The device's own watchdog (2060) switches the output off when the host is gone.
 from __future__ import annotations
 
 from drivers.controls import Control, Reading
-from drivers.errors import DeviceError, DeviceFault, ProtocolError
+from drivers.errors import DeviceFault, ProtocolError, Timeout, check_range
 from drivers.interfaces import Identity, TemperatureStatus
 from drivers.mecom_parameters import (
     PARAMETERS,
@@ -158,13 +158,16 @@ class Tec:
         DeviceFault
             When the device is in error, refuses, or reads back something else.
         """
+        row = PARAMETERS[3000]
+        check_range(self.device, "target", target_degc, row.least, row.most, "degC")
+        self._refuse_problem()
+        self._set_up()  # once more: it may have lost its supply since it was opened
         self.target_degc = target_degc
         self.output_stage_input = OutputStageInput.TEMPERATURE_CONTROLLER
         self._switch(OutputEnable.ON)
         if abs((found := self.target_degc) - target_degc) > 1e-3:
             raise DeviceFault(self.device, f"target is {found:g} degC after it was set to {target_degc:g} degC")
-        if problem := self._problem():
-            raise DeviceFault(self.device, problem, "find the cause, then reset the controller", code=self.error_number)
+        self._refuse_problem()
 
     def off(self) -> None:
         """Switch the output off; read back."""
@@ -203,13 +206,9 @@ class Tec:
         self.session.request("RS")
         end = clock.now() + START_UP_S
         clock.sleep(0.25)  # the device still answers for about 200 ms before it resets
-        while True:
-            try:
-                if self.device_status in (DeviceStatus.READY, DeviceStatus.RUN, DeviceStatus.ERROR):
-                    break
-            except DeviceError:
-                if clock.now() > end:
-                    raise
+        while self._starting():
+            if clock.now() > end:
+                raise Timeout(self.device, f"did not come back within {START_UP_S:g} s of a reset", "check its power")
             clock.sleep(0.1)
         self._set_up()
 
@@ -224,6 +223,12 @@ class Tec:
     def _instance_of(self, key: int) -> int:
         return 1 if PARAMETERS[key].common else self.instance
 
+    def _starting(self) -> bool:
+        try:
+            return self.device_status not in (DeviceStatus.READY, DeviceStatus.RUN, DeviceStatus.ERROR)
+        except (Timeout, ProtocolError):
+            return True  # it does not answer while it starts
+
     def _set_up(self) -> None:
         self.flash_saving_off = True
         self.host_watchdog_s = self.watchdog_s
@@ -232,6 +237,11 @@ class Tec:
         self.output_enable = wanted
         if (found := self.output_enable) is not wanted:
             raise DeviceFault(self.device, f"output is {found.name} after it was set to {wanted.name}")
+
+    def _refuse_problem(self) -> None:
+        if number := self.error_number:
+            what = f"error {number}: {ERRORS.get(number, 'unknown')}"
+            raise DeviceFault(self.device, what, "find the cause, then reset the controller", code=number)
 
     def _problem(self) -> str:
         number = self.error_number

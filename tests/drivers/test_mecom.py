@@ -8,12 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from drivers.errors import DeviceFault, LimitError, ProtocolError, Timeout
+from drivers.errors import DeviceFault, LimitError, LinkLost, ProtocolError, Timeout
 from drivers.mecom import Tec
 from drivers.mecom_parameters import DeviceStatus, Kind, OutputEnable, OutputStageInput, Stability
 from drivers.mecom_session import MeCom
 from drivers.mecom_wire import crc16, decode, decode_float, decode_int, encode, encode_float, encode_int
 from sim.firmware.mecom import TecFirmware
+from sim.ports import wire_at
 
 GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "mecom.toml").read_text())
 PRINTED = [(sent.encode(), reply.encode()) for sent, reply in GOLDEN["printed"]]
@@ -419,3 +420,26 @@ def test_broken_sensor_switches_off(tec, clock, block):
     clock.sleep(1)
     assert tec.error_number == 138
     assert block.current_a == 0
+
+
+def test_device_that_does_not_come_back_from_a_reset(tec, firmware):
+    firmware.device._ready = lambda: None
+    with pytest.raises(Timeout, match="did not come back within 5 s of a reset"):
+        tec.reset()
+
+
+def test_cable_pulled_during_a_reset_is_told_at_once(tec, clock):
+    wire = wire_at(tec.link.url)
+
+    def pull():
+        wire.plugged = False
+
+    clock.call_at(clock.now() + 0.5, pull)
+    with pytest.raises(LinkLost):
+        tec.reset()
+    assert clock.now() < 1.5
+
+
+def test_target_out_of_range_sends_nothing(scripted):
+    with pytest.raises(LimitError, match=r"target 2000 degC is outside -273\.15 to 1000 degC; nothing was sent"):
+        Tec(scripted([])).regulate(2000.0)
