@@ -208,7 +208,9 @@ class Optics:
         origins = bundle(beam.origin, beam.direction, s.spot_diameter_mm)
         if s.motion_mm > 0:
             origins[:, 2] -= s.motion_mm * math.sin(2 * math.pi * middle_s / s.motion_period_s)
-        hits = self._scene.cast(origins, np.broadcast_to(beam.direction, origins.shape))
+        directions = np.empty_like(origins)
+        directions[:] = beam.direction
+        hits = self._scene.cast(origins, directions)
 
         axis_mm = float(hits.distance_mm[0])
         point = beam.origin + axis_mm * beam.direction if math.isfinite(axis_mm) else np.full(3, math.nan)

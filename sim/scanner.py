@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
 from collections import deque
 from typing import NamedTuple
 
@@ -29,14 +28,20 @@ class Beam(NamedTuple):
     path_mm: float
 
 
+class _Axis(NamedTuple):
+    """One axis from a command on: where it was sent, and what is still missing, in commands (-1..1)."""
+
+    target: float
+    servo: float
+    servo_rate: float
+    creep: float
+
+
 class _Motion(NamedTuple):
-    """Both axes (2,) from a command on: where they were sent, and what is still missing, in commands (-1..1)."""
+    """Both axes from a command on."""
 
     since_s: float
-    target: Vector
-    servo: Vector
-    servo_rate: Vector
-    creep: Vector
+    axes: tuple[_Axis, _Axis]
 
 
 class MirrorPair:
@@ -62,8 +67,11 @@ class MirrorPair:
         shares = noise.stream("scanner.linearity").uniform(-1.0, 1.0, (4, 2))
         shares /= np.abs(shares).sum(axis=0)
         self._linearity_deg = settings.linearity_percent / 100 * FULL_FIELD_DEG * shares
-        rest = np.zeros(2)
-        self._history = deque([_Motion(-math.inf, rest, rest, rest, rest)], maxlen=REMEMBERED_COMMANDS)
+        s = settings
+        self._gain_deg = (s.field_deg / 2 * (1.0 + s.x_scale_error), s.field_deg / 2 * (1.0 + s.y_scale_error))
+        self._offset_deg = (s.x_offset_deg, s.y_offset_deg)
+        rest = _Axis(0.0, 0.0, 0.0, 0.0)
+        self._history = deque([_Motion(-math.inf, (rest, rest))], maxlen=REMEMBERED_COMMANDS)
 
     def command(self, x: float, y: float) -> None:
         """Take a new command now; ``x`` and ``y`` in -1..+1 of the analogue span.
@@ -75,31 +83,31 @@ class MirrorPair:
         """
         if not (-1.0 <= x <= 1.0 and -1.0 <= y <= 1.0):
             raise ValueError(f"scanner command ({x}, {y}) outside -1..+1 of the analogue span")
-        wanted = np.array([x, y])
         last = self._history[-1]
-        step = wanted - last.target
-        if not step.any():
+        if (x, y) == (last.axes[0].target, last.axes[1].target):
             return
         now_s = self._clock.now()
-        servo, rate, creep = self._missing(last, now_s)
         share = self._settings.creep_share
-        self._history.append(_Motion(now_s, wanted, servo + (1 - share) * step, rate, creep + share * step))
+        axes = []
+        for axis, wanted in zip(last.axes, (x, y), strict=True):
+            left = self._later(axis, now_s - last.since_s)
+            step = wanted - axis.target
+            axes.append(_Axis(wanted, left.servo + (1 - share) * step, left.servo_rate, left.creep + share * step))
+        self._history.append(_Motion(now_s, (axes[0], axes[1])))
 
-    def position(self, t_s: float) -> Vector:
-        """Get where both mirrors (2,) stand at the moment ``t_s``, in commands (-1..1)."""
-        at = max(0, bisect_right(self._history, t_s, key=lambda motion: motion.since_s) - 1)
-        motion = self._history[at]
-        servo, _, creep = self._missing(motion, t_s)
-        return motion.target - servo - creep
+    def position(self, t_s: float) -> tuple[float, float]:
+        """Get where both mirrors stand at the moment ``t_s``, in commands (-1..1)."""
+        motion = next((m for m in reversed(self._history) if m.since_s <= t_s), self._history[0])
+        x, y = (self._later(axis, t_s - motion.since_s) for axis in motion.axes)
+        return x.target - x.servo - x.creep, y.target - y.servo - y.creep
 
     def angles_rad(self, t_s: float, *key: int) -> Vector:
         """Get the true optical angles (2,) of both mirrors at ``t_s``; ``key`` names the error of this return."""
-        s = self._settings
-        scale = np.array([1.0 + s.x_scale_error, 1.0 + s.y_scale_error])
-        offset = np.array([s.x_offset_deg, s.y_offset_deg])
-        error = self._noise.stream("scanner.repeatability", *key).normal(0.0, 1.0, 2) * s.repeatability_deg
-        angles_deg = self.position(t_s) * (s.field_deg / 2) * scale + offset + error
-        if s.linearity_percent > 0:
+        x, y = self.position(t_s)
+        angles_deg = self._noise.stream("scanner.repeatability", *key).standard_normal(2)
+        angles_deg *= self._settings.repeatability_deg
+        angles_deg += (x * self._gain_deg[0] + self._offset_deg[0], y * self._gain_deg[1] + self._offset_deg[1])
+        if self._settings.linearity_percent > 0:
             # A smooth curve over the full field, within the maker's limit: sum of Chebyshev polynomials.
             places = angles_deg / (FULL_FIELD_DEG / 2)
             angles_deg += np.polynomial.chebyshev.chebval(places, self._linearity_deg, tensor=False)
@@ -115,17 +123,17 @@ class MirrorPair:
         turn_rad = math.radians(self._settings.non_orthogonality_deg)
         return trace(float(x_rad) / 2, float(y_rad) / 2, self._settings.mirror_separation_mm, turn_rad)
 
-    def _missing(self, motion: _Motion, t_s: float) -> tuple[Vector, Vector, Vector]:
-        """Way still to go (servo, its rate, creep) at ``t_s``; the free motion r'' + 2 r'/T + r/T^2 = 0."""
-        if motion.since_s == -math.inf:
-            return motion.servo, motion.servo_rate, motion.creep
-        elapsed_s = max(0.0, t_s - motion.since_s)
+    def _later(self, axis: _Axis, elapsed_s: float) -> _Axis:
+        """Way still to go some time after a command: the free motion r'' + 2 r'/T + r/T^2 = 0, and the creep."""
+        elapsed_s = max(0.0, elapsed_s)
         servo_s, creep_s = self._settings.servo_time_ms * 1e-3, self._settings.creep_time_ms * 1e-3
         decay = math.exp(-elapsed_s / servo_s)
-        slope = motion.servo_rate + motion.servo / servo_s
-        servo = (motion.servo + slope * elapsed_s) * decay
+        if decay == 0.0:
+            return _Axis(axis.target, 0.0, 0.0, axis.creep * math.exp(-elapsed_s / creep_s))
+        slope = axis.servo_rate + axis.servo / servo_s
+        servo = (axis.servo + slope * elapsed_s) * decay
         rate = slope * decay - servo / servo_s
-        return servo, rate, motion.creep * math.exp(-elapsed_s / creep_s)
+        return _Axis(axis.target, servo, rate, axis.creep * math.exp(-elapsed_s / creep_s))
 
 
 def trace(x_turn_rad: float, y_turn_rad: float, separation_mm: float, axis_turn_rad: float = 0.0) -> Beam:

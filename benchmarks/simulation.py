@@ -1,0 +1,105 @@
+"""How fast the simulated light is, beside numpy's own speed for drawing as many Gaussian numbers.
+
+    python benchmarks/simulation.py [--grid 40x40] [--repeat 3] [--memory]
+
+Scans a grid over the hip socket with full traces (8 sweeps of 1430 samples) on one core, without firmware, links or
+ranging, line by line as the instrument reads it. The floor is one Gaussian number in single precision for each
+sample. With ``--memory`` the peak memory of the process is reported for grids of several sizes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import time
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import numpy as np
+
+from sim.footprint import bundle
+from sim.noise import Noise
+from sim.validation.bench import SAMPLES, SWEEPS, Bench
+
+DISTANCE_MM = 900.0
+SEED = 2004
+DEVICE_S_A_POINT = 0.143
+
+
+def scan_s(columns: int, rows: int) -> float:
+    """Take every record of a raster at 1 mm; seconds of processor time in `Optics.acquire` and the mirrors."""
+    bench = Bench(SEED, target="hip", distance_mm=DISTANCE_MM)
+    bench.take()
+    begin = time.process_time()
+    for row in range(rows):
+        line = []
+        for column in range(columns):
+            bench.aim((column - columns / 2) / DISTANCE_MM, (row - rows / 2) / DISTANCE_MM)
+            line.append(bench.take()[0])
+    return time.process_time() - begin
+
+
+def rays_s(columns: int, rows: int) -> float:
+    """Cast the rays of the same raster alone."""
+    bench = Bench(SEED, target="hip", distance_mm=DISTANCE_MM)
+    beam = bench.ideal_beam(0.0, 0.0)
+    origins = bundle(beam.origin, beam.direction, bench.settings.spot_diameter_mm)
+    directions = np.repeat(beam.direction[None], len(origins), axis=0)
+    begin = time.process_time()
+    for _ in range(columns * rows):
+        bench.scene.cast(origins, directions)
+    return time.process_time() - begin
+
+
+def floor_s(columns: int, rows: int) -> float:
+    """Draw one Gaussian number for each sample, from one stream."""
+    rng = Noise(SEED).stream("floor")
+    numbers = np.empty((SWEEPS, SAMPLES), dtype=np.float32)
+    begin = time.process_time()
+    for _ in range(columns * rows):
+        rng.standard_normal(out=numbers, dtype=np.float32)
+    return time.process_time() - begin
+
+
+def memory_mb(grid: str) -> float:
+    """Peak memory of a process of its own that scans a grid."""
+    ran = subprocess.run(
+        [sys.executable, __file__, "--grid", grid, "--repeat", "1"], check=True, capture_output=True, text=True
+    )
+    return float(json.loads(ran.stdout)["peak_memory_mb"])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--grid", default="40x40")
+    parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--memory", action="store_true")
+    asked = parser.parse_args()
+    columns, rows = (int(part) for part in asked.grid.split("x"))
+
+    scan, rays, floor = (
+        min(measure(columns, rows) for _ in range(asked.repeat)) for measure in (scan_s, rays_s, floor_s)
+    )
+    samples = columns * rows * SWEEPS * SAMPLES
+    result = {
+        "grid": asked.grid,
+        "samples": samples,
+        "scan_s": round(scan, 3),
+        "samples_per_s": round(samples / scan),
+        "gaussian_floor_s": round(floor, 3),
+        "times_floor": round(scan / floor, 2),
+        "ray_casting_share": round(rays / scan, 3),
+        "faster_than_device": round(columns * rows * DEVICE_S_A_POINT / scan),
+        "peak_memory_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),
+    }
+    if asked.memory:
+        result["peak_memory_mb_by_grid"] = {grid: memory_mb(grid) for grid in ("10x10", "40x40", "110x110")}
+    print(json.dumps(result, indent=2))
+
+
+if __name__ == "__main__":
+    main()
