@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from drivers.controls import Control, Reading
 from drivers.dg645_output import OutputPort
-from drivers.dg645_session import Dg645Session
+from drivers.dg645_session import TRIES, Dg645Session
 from drivers.dg645_wire import (
     Channel,
     Delay,
@@ -24,6 +24,7 @@ from drivers.dg645_wire import (
 )
 from drivers.errors import DeviceFault, LimitError, ProtocolError, check_range
 from drivers.interfaces import Identity
+from drivers.retry import retry
 
 BAUD = 9600
 LONGEST_DELAY_S = 2000.0
@@ -237,10 +238,15 @@ class DG645(Dg645Session):
         self.configure("*RST", "TSRC 5")
 
     def _switch(self, source: TriggerSource) -> None:
-        self.trigger_source = source
-        if (found := self.trigger_source) is not source:
+        """Set the source and read it back; again if a reply is lost, for the state is what counts."""
+        found = retry(TRIES, lambda: self._set_source(source))
+        if found is not source:
             what = f"trigger source is {found.name} after it was set to {source.name}"
             raise DeviceFault(self.device, what, "open the interlock by hand")
+
+    def _set_source(self, source: TriggerSource) -> TriggerSource:
+        self.trigger_source = source
+        return self.trigger_source
 
 
 def _settable(device: str, channel: Channel) -> int:

@@ -276,9 +276,23 @@ def test_late_reply_does_not_answer_the_next_question(scripted):
 
 
 def test_error_queue_is_asked_once(scripted):
-    link = scripted([(b"TSRC 5\nLERR?\n", b"")])
+    link = scripted([(b"TLVL 1\nLERR?\n", b"")])
     with pytest.raises(Timeout):
-        DG645(link).stop_triggers()
+        DG645(link).trigger_level_v = 1.0
+
+
+def test_stopping_is_tried_again_when_a_reply_is_lost(scripted):
+    link = scripted(
+        [
+            (b"TSRC 5\nLERR?\n", b""),
+            (b"\n*IDN?\n", IDN),
+            CHECK,
+            (b"TSRC 5\n", b""),
+            CHECK,
+            (b"TSRC?\n", b"5\r\n"),
+        ]
+    )
+    DG645(link).stop_triggers()
 
 
 def test_status_bits_and_masks(generator):
