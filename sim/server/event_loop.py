@@ -64,10 +64,11 @@ class EventLoop:
         """Wait until bytes come or a timer is due (`LOOK_S` at the most), and do what there is to do."""
         self._forgive_lag(STEP_S)
         idle_s = self._idle_s()
-        for key, _ in self._selector.select(idle_s):
-            key.data()
+        came = self._selector.select(idle_s)
         self._forgive_lag(idle_s * self.speed + STEP_S)
         self.clock.advance_to(max(self._due_s(), self.clock.now()))
+        for key, _ in came:
+            key.data()
         for pump in self._pumps:
             pump()
 

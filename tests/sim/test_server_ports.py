@@ -15,7 +15,9 @@ import serial
 
 from drivers.clock import VirtualClock, WallClock
 from drivers.dg645 import DG645
+from drivers.errors import LinkLost
 from drivers.serial_link import SerialLink
+from instrument.port_probe import Answer, who_answers
 from sim.firmware.dg645 import Dg645Firmware
 from sim.firmware.genesys import GenesysFirmware
 from sim.ports import SerialFirmware, SerialWire
@@ -242,9 +244,37 @@ def test_cable_pull_and_plug_of_a_tcp_port(serve) -> None:
         assert ask(port, b"*IDN?\n", IDENTITY) == IDENTITY
 
 
-@needs_ptys
-def test_the_drivers_do_not_need_modem_lines(serve) -> None:
-    device = DG645(SerialLink(serve().url("pty"), WallClock(), device="DG645", baud=9600))
+@pytest.mark.parametrize("kind", BOTH)
+def test_a_driver_sees_the_cable_go_and_knows_the_device_again(serve, kind: str) -> None:
+    served = serve()
+    device = DG645(SerialLink(served.url(kind), WallClock(), device="DG645", baud=9600))
     device.open()
-    assert device.identify().serial_number == "001013"
+    before = device.identify()
+    served.do(served.port.pull)
+    with pytest.raises(LinkLost, match="connect again"):
+        device.identify()
+    with pytest.raises(LinkLost):
+        device.open()
+    served.do(served.port.plug)
+    device.open()
+    assert device.identify() == before
     device.close()
+
+
+@needs_ptys
+def test_a_second_program_on_a_pty_is_told_that_it_is_in_use(serve) -> None:
+    url = serve().url("pty")
+    first, second = (SerialLink(url, WallClock(), device="DG645", baud=9600) for _ in range(2))
+    first.open()
+    with pytest.raises(LinkLost, match="another program has it open"):
+        second.open()
+    first.close()
+    second.open()
+    second.close()
+
+
+@needs_ptys
+def test_the_rate_at_which_a_device_answers_is_found(serve) -> None:
+    url = serve().url("pty")
+    assert who_answers(url, WallClock(), expected="dg645", baud=19200, genesys_address=6) == Answer("dg645", 9600)
+    assert who_answers(url, WallClock(), expected="genesys", baud=9600, genesys_address=6) == Answer("dg645", 9600)
