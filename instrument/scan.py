@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.clock import Clock
 from drivers.interfaces import Galvo, Identity, Record, Sampler, SweepSettings
@@ -13,7 +14,7 @@ from instrument.calibration import Calibration
 from instrument.controller import Between
 from instrument.errors import BadInput
 from instrument.geometry import covariance_from, points_from, true_angles
-from instrument.ranging import estimate
+from instrument.ranging import Ranges, estimate
 from instrument.raster import LinePlan, Raster
 from instrument.scan_line import ScanLine
 from instrument.settings import Settings
@@ -77,7 +78,16 @@ class RasterScan:
         For the mirrors' settling.
     rows : sequence of int, optional
         Lines to take; all by default.
+
+    Attributes
+    ----------
+    mode : str
+        How it really scans.
+    shots : int
+        Laser shots sampled so far (settling shots not counted): divided by the PRF, the time that shots alone take.
     """
+
+    mode = "sweep"
 
     def __init__(
         self, settings: Settings, calibration: Calibration, clock: Clock, rows: Sequence[int] | None = None
@@ -87,7 +97,8 @@ class RasterScan:
         self.clock = clock
         self.raster = raster_of(settings, calibration)
         self._rows = range(settings.scan.rows) if rows is None else rows
-        self._reference_mv = 0.0
+        self._reference: tuple[float, float | None] = (0.0, None)
+        self.shots = 0
 
     @property
     def rows(self) -> Sequence[int]:
@@ -118,9 +129,9 @@ class RasterScan:
         return self.settings.scan.columns * (POINT_BYTES + 2 * samples)
 
     @property
-    def reference_mv(self) -> float:
-        """Get the median amplitude of the reference in the line taken last; 0 when most places had none."""
-        return self._reference_mv
+    def reference(self) -> tuple[float, float | None]:
+        """Get the lowest amplitude (mV) and median place (ps) of the reference in the last line; 0 and None: none."""
+        return self._reference
 
     def header(
         self, identities: Mapping[str, Identity], *, seed: int | None, zero_code: float, mv_per_code: float
@@ -129,7 +140,7 @@ class RasterScan:
         scan, sampler = self.settings.scan, self.settings.sampler
         raster = ("rows", "columns", "step_mm", "distance_mm", "mode", "averages", "estimator")
         return {
-            "raster": {key: getattr(scan, key) for key in raster},
+            "raster": {**{key: getattr(scan, key) for key in raster}, "mode": self.mode},
             "settings": self.settings.model_dump(),
             "seed": seed,
             "calibration": self.calibration.model_dump(mode="json"),
@@ -177,6 +188,7 @@ class RasterScan:
             galvo.move(int(x_code), int(y_code))
             self.clock.sleep(scanner.settle_ms * 1e-3)
             records += sampler.take(self.run_id(row, int(column)))
+        self.shots += len(records) * self.sweep.averages * self.sweep.samples
         return self._line(plan, records, began_s)
 
     def _line(self, plan: LinePlan, records: Sequence[Record], began_s: float) -> ScanLine:
@@ -190,7 +202,22 @@ class RasterScan:
             sweeps=first.sweeps,
             clipped=np.array([record.clipped for record in records]),
         )
-        self._reference_mv = float(np.median(np.nan_to_num(ranges.reference_mv)))
+        return self._scan_line(plan, ranges, sums if self.settings.scan.keep_traces else None, first.sweeps, began_s)
+
+    def _scan_line(
+        self,
+        plan: LinePlan,
+        ranges: Ranges,
+        sums: NDArray[np.unsignedinteger] | None,
+        sweeps: int,
+        began_s: float,
+    ) -> ScanLine:
+        """Put ranges into space."""
+        there = np.isfinite(ranges.reference_mv)
+        if 2 * np.count_nonzero(there) >= len(there):
+            self._reference = float(ranges.reference_mv[there].min()), float(np.median(ranges.reference_ps[there]))
+        else:
+            self._reference = (0.0, None)
         angles_rad = true_angles(plan.angles_rad, self.calibration.scanner)
         separation_mm = self.calibration.mirror_separation_mm
         return ScanLine(
@@ -205,7 +232,7 @@ class RasterScan:
             range_variance_mm2=ranges.variance_mm2,
             response_mv=ranges.response_mv,
             flags=ranges.flags,
-            sums=sums if self.settings.scan.keep_traces else None,
-            sweeps=first.sweeps,
+            sums=sums,
+            sweeps=sweeps,
             device_time_s=began_s,
         )

@@ -101,6 +101,9 @@ class SamplerSettings(Section):
     start_ps: float = Field(6500.0, ge=0, le=100_000, description="first sampling instant after the trigger, ps")
     step_ps: float = Field(6.7, ge=1, le=100, description="step from shot to shot, ps (6.7 ps is 1 mm of range)")
     samples: int = Field(1430, ge=100, le=16384, description="samples in a sweep")
+    reference_ps: float = Field(
+        7400.0, ge=0, le=100_000, description="place of the reference pulse on the trace (+-1000 ps), ps"
+    )
     settle_shots: int = Field(16, ge=0, le=1000, description="shots thrown away before each sweep")
 
 
@@ -110,6 +113,11 @@ class ScannerSettings(Section):
     field_deg: float = Field(10.0, gt=0, le=40, description="full analogue span of the 4096 codes, optical degrees")
     settle_ms: float = Field(3.0, ge=0, le=1000, description="wait after a step within a line, ms")
     flyback_settle_ms: float = Field(25.0, ge=0, le=1000, description="wait after the step to a new line, ms")
+    window_settle_ms: float = Field(
+        0.8, ge=0, le=100, description="window mode: least time from a step to the first shot on the echo, ms"
+    )
+    window_flyback_ms: float = Field(8.0, ge=0, le=1000, description="window mode: wait after the step to a new line")
+    window_settle_shots: int = Field(4, ge=0, le=1000, description="window mode: shots thrown away before each sweep")
 
 
 class ScanSettings(Section):
@@ -124,8 +132,15 @@ class ScanSettings(Section):
         900.0, ge=620, le=1000, description="distance of that plane, mm (below 620 reference and echo overlap)"
     )
     averages: int = Field(8, ge=1, le=64, description="sweeps averaged into one record")
-    mode: Literal["sweep"] = Field("sweep", description="sweep: the whole trace at every point")
-    estimator: Literal["half-maximum"] = Field("half-maximum", description="how a trace becomes a range")
+    mode: Literal["sweep", "window"] = Field(
+        "sweep", description="sweep: the whole trace at every point; window: two short pieces of it, just enough shots"
+    )
+    estimator: Literal["half-maximum", "template"] = Field(
+        "half-maximum", description="how a trace becomes a range (window mode always uses template)"
+    )
+    wanted_sd_mm: float = Field(
+        0.15, gt=0, le=10, description="window mode: standard deviation that each range is to have"
+    )
     keep_traces: bool = Field(True, description="keep the raw traces in the recording")
 
 

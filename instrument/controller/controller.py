@@ -13,9 +13,10 @@ from instrument.controller.interlocks import interlocks
 from instrument.controller.job import LineStore, ScanJob, ScanOutcome, Sink
 from instrument.controller.machine import StateMachine
 from instrument.controller.requests import Request, Requests
-from instrument.controller.run import ScanRun, Station
+from instrument.controller.run import ScanRun
 from instrument.controller.safety import SafeState, make_safe
 from instrument.controller.states import State
+from instrument.controller.station import Station
 from instrument.controller.supervision import Supervisor
 from instrument.errors import InterlockTripped, Interrupted, NotAllowed
 from instrument.events import logger
@@ -137,7 +138,7 @@ class Controller:
             In a state other than ``ready``.
         """
         self._machine.check("start_scan")
-        self._supervisor.panel.clear()
+        self._supervisor.begin()
         station = Station(
             self.bench, self.settings, self._machine, self._supervisor, self._requests, self._known, self._log
         )

@@ -16,7 +16,9 @@ INFINITE = math.inf
 AVERAGE_CURRENT_A = 0.020  # S 2.6.1: a few mA to some 10 mA; 290 V on the bleeder draw 12 mA
 HEAT_LIMIT_V2HZ = 300.0**2 * 80_000.0  # S 2.6.1: above about 300 V at 80 kHz the transmitter overheats
 LEAST_HEARTBEAT_S = 0.4  # of the watchdog's second; the host beats every quarter of it
-REFERENCE_MV = (10.0, 110.0)  # below, its place is doubtful; above, the A/D is at its end
+REFERENCE_WINDOW_PS = 1000.0  # it moves with drive voltage, rate and temperature; an echo is later than that
+REFERENCE_MV = (3.0, 110.0)  # below, its place is doubtful; above, the A/D is at its end
+REFERENCE_SHARE = (0.7, 1.4)  # of that of the run's first line: beyond, the laser has left its working point
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,11 @@ class Readings:
     mirrors_answer : bool
         The galvo controller has answered.
     reference_mv : float
-        Median amplitude of the reference pulse in the last line; 0 when most places had none.
+        Lowest amplitude of the reference pulse in the last line; 0 when most places had none.
+    reference_share : float
+        The same as a share of that in the first line of the run.
+    reference_ps : float
+        Median place of the reference pulse on the trace in the last line; None when most places had none.
     disk_lines : float
         Lines for which the disk of the recording still has room.
     """
@@ -40,6 +46,8 @@ class Readings:
     sampler: SamplerStatus | None = None
     mirrors_answer: bool | None = None
     reference_mv: float | None = None
+    reference_share: float | None = None
+    reference_ps: float | None = None
     disk_lines: float | None = None
 
 
@@ -105,10 +113,11 @@ def interlocks(settings: Settings, exposure: Exposure) -> tuple[Interlock, ...]:
         Bound of the pulse energy, for the mean power at the measured rate.
     """
     target, drive_v, prf_hz = settings.diode.target_degc, settings.pulser.drive_v, settings.pulser.prf_hz
+    reference_ps = settings.sampler.reference_ps
     return (
         Interlock(
             "interlock line", "", lambda r: _truth(r.sampler.interlock_closed) if r.sampler else None,
-            1, 1, "abort", "close lid and key switch",
+            1, 1, "abort", "close lid and key switch, see to the monitor of the mirrors",
         ),
         Interlock(
             "bridge clock", "", lambda r: _truth(r.sampler.clock_locked) if r.sampler else None,
@@ -168,6 +177,15 @@ def interlocks(settings: Settings, exposure: Exposure) -> tuple[Interlock, ...]:
         Interlock(
             "reference pulse", "mV", lambda r: r.reference_mv,
             *REFERENCE_MV, "abort", "check laser, trigger and reference fibre", emitting_only=True,
+        ),
+        Interlock(
+            "laser output", "of the first line's", lambda r: r.reference_share,
+            *REFERENCE_SHARE, "abort", "the reference has changed: check supply and laser", emitting_only=True,
+        ),
+        Interlock(
+            "reference place", "ps", lambda r: r.reference_ps,
+            reference_ps - REFERENCE_WINDOW_PS, reference_ps + REFERENCE_WINDOW_PS, "abort",
+            "the first pulse is not the reference: check the reference fibre", emitting_only=True,
         ),
         Interlock(
             "disk space", "lines", lambda r: r.disk_lines,

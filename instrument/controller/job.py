@@ -33,8 +33,8 @@ class ScanJob(Protocol):
         """Get the most that one line takes on the disk."""
 
     @property
-    def reference_mv(self) -> float:
-        """Get the median amplitude of the reference in the line taken last; 0 when most places had none."""
+    def reference(self) -> tuple[float, float | None]:
+        """Get the lowest amplitude (mV) and median place (ps) of the reference in the last line; 0 and None: none."""
 
     def take_line(self, row: int, galvo: Galvo, sampler: Sampler, between: Between) -> ScanLine:
         """Take one line with the laser on; ``between`` is called before each place and may raise."""

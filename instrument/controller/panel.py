@@ -49,7 +49,7 @@ class Panel:
         return [f"{lamp.interlock.name}: {lamp.words}" for lamp in self._lamps if lamp.tripped]
 
     def judge(self, readings: Readings, *, emitting: bool) -> None:
-        """Take readings; raise for the gravest interlock that does not hold.
+        """Take readings; raise for the gravest interlock that they show not to hold.
 
         Raises
         ------
@@ -57,14 +57,16 @@ class Panel:
             With its ``action``; ``off`` before ``abort`` before ``suspend``.
         """
         now_s = self._clock.now()
+        judged = []
         for lamp in self._lamps:
             value = lamp.interlock.quantity(readings)
             if lamp.interlock.emitting_only and not emitting:
                 lamp.clear()
             elif value is not None:
                 lamp.take(value, now_s)
+                judged.append(lamp)
         for action in ("off", "abort", "suspend"):
-            for lamp in self._lamps:
+            for lamp in judged:
                 if lamp.tripped and lamp.interlock.action == action:
                     raise InterlockTripped(lamp.interlock.name, lamp.words, action=action)
 

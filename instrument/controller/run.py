@@ -2,42 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
-
-from drivers.errors import DeviceFault
-from drivers.interfaces import Identity
-from instrument.bench import Bench
+from drivers.errors import DeviceError, DeviceFault
 from instrument.controller.disk import lines_left, refuse_small_disk
 from instrument.controller.job import LineStore, ScanJob, ScanOutcome, Sink
-from instrument.controller.machine import StateMachine
 from instrument.controller.recovery import LIMIT_S, LINK_ERRORS, bring_back, waits
-from instrument.controller.requests import EndScan, Requests
+from instrument.controller.requests import EndScan
 from instrument.controller.safety import make_safe
-from instrument.controller.supervision import Supervisor
+from instrument.controller.station import Station, reach_working_point
 from instrument.errors import InterlockTripped
 from instrument.scan_line import ScanLine
-from instrument.settings import Settings
 
 PAUSE_POLL_S = 0.1
-SETTLE_POLL_S = 0.2
-SETTLED_FOR_S = 2.0  # the heat of the light takes a moment to show at the diode's sensor
 SUSPEND_LIMIT_S = 600.0
 SUSPENSIONS_PER_LINE = 3  # a line that is broken off again and again is not worth another try
-
-
-@dataclass
-class Station:
-    """What a scan works with; owned by the controller."""
-
-    bench: Bench
-    settings: Settings
-    machine: StateMachine
-    supervisor: Supervisor
-    requests: Requests
-    known: Mapping[str, Identity]
-    log: Any
 
 
 class ScanRun:
@@ -88,7 +65,7 @@ class ScanRun:
                 self._leave(error)
             finally:
                 if not refused:
-                    machine.fail(str(error) or type(error).__name__)
+                    machine.fail("; ".join([str(error) or type(error).__name__, *self._behind(error)]))
                 self._close_store()
             raise
         else:
@@ -121,24 +98,12 @@ class ScanRun:
         self._settled = False
 
     def _settle(self) -> None:
-        """Wait until the diode, warmed by its own light, is at its working point: one and the same for all lines."""
-        if self._settled:
-            return
-        diode = self._station.settings.diode
-        end = self._clock.now() + diode.settle_limit_s
-        inside_since_s = self._clock.now()
-        while self._clock.now() - inside_since_s < SETTLED_FOR_S:
-            if self._clock.now() >= end:
-                self._station.log.warning("working point not reached", limit_s=diode.settle_limit_s)
+        if not self._settled:
+            if not reach_working_point(self._station, self._between):
                 self._store.event(self._clock.now(), "working point not reached")
-                break
-            self._between()
-            if abs(self._bench.diode.status().temperature_degc - diode.target_degc) > diode.settled_k:
-                inside_since_s = self._clock.now()
-            self._clock.sleep(SETTLE_POLL_S)
-        self._settled = True
-        if not self.outcome.lines:
-            self._began_s = self._clock.now()  # until here the radar got ready; from here on it scans
+            self._settled = True
+            if not self.outcome.lines:
+                self._began_s = self._clock.now()  # until here the radar got ready; from here on it scans
 
     # ---- lines
 
@@ -152,11 +117,8 @@ class ScanRun:
                 self._settle()
                 self._station.supervisor.look_before_line(lambda: lines_left(self._job, self._store))
                 line = self._job.take_line(row, self._bench.galvo, self._bench.sampler, self._between)
-                self._station.supervisor.judge_line(self._job.reference_mv)
+                self._station.supervisor.judge_line(*self._job.reference)
                 return line
-            except DeviceFault:
-                self._look(emitting=True)  # names the interlock behind it, if there is one
-                raise
             except (InterlockTripped, *LINK_ERRORS) as cause:
                 suspensions += 1
                 grave = isinstance(cause, InterlockTripped) and cause.action != "suspend"
@@ -254,6 +216,16 @@ class ScanRun:
         self.outcome.device_time_s = self._clock.now() - self._began_s
         level = self._station.log.info if self.outcome.safe.laser_off_verified else self._station.log.critical
         level("scan ended", reason=self.outcome.stop_reason, safe=str(self.outcome.safe), lines=self.outcome.lines)
+
+    def _behind(self, error: BaseException) -> list[str]:
+        """Find the interlock behind a device's refusal, now that the laser is off."""
+        if not isinstance(error, DeviceFault):
+            return []
+        try:
+            self._look(emitting=False)
+        except (InterlockTripped, DeviceError) as found:
+            return [str(found)]
+        return []
 
     def _close_store(self) -> None:
         """Write down a failed scan as far as the store can; the failure that ended the scan is the one to raise."""

@@ -31,8 +31,15 @@ class Supervisor:
         self._bench = bench
         self._timer: Timer | None = None
         self._failure: DeviceError | None = None
+        self._pulser_free = False
         self._diode_seen_s = -float("inf")
         self._all_seen_s = -float("inf")
+        self._first_reference_mv: float | None = None
+
+    def begin(self) -> None:
+        """Forget what an earlier run has left."""
+        self.panel.clear()
+        self._first_reference_mv = None
 
     def start_beating(self) -> None:
         """Send the first heartbeat now and one each quarter of the watchdog's time from then on."""
@@ -43,6 +50,7 @@ class Supervisor:
 
     def stop_beating(self) -> None:
         """Stop; the gate closes by itself when the watchdog expires."""
+        self._pulser_free = False
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -63,7 +71,10 @@ class Supervisor:
         """
         bench = self._bench
         self._judge(Readings(sampler=bench.sampler.status()), emitting)
-        self._judge(Readings(pulser=bench.pulser.status()), emitting)
+        self._pulser_free = False
+        pulser = bench.pulser.status()
+        self._pulser_free = emitting
+        self._judge(Readings(pulser=pulser), emitting)
         self._judge(Readings(diode=bench.diode.status()), emitting)
         self._diode_seen_s = bench.clock.now()
         bench.galvo.ready()  # busy or not does not matter: it has answered
@@ -94,32 +105,62 @@ class Supervisor:
         InterlockTripped, DeviceError
         """
         self._raise_failure()
-        if self._timer is not None:
-            self.start_beating()
+        self._rearm()
         self._judge(Readings(sampler=self._bench.sampler.status()), True)
         if self._bench.clock.now() - self._diode_seen_s >= LOOK_S:
             self._judge(Readings(diode=self._bench.diode.status()), True)
             self._diode_seen_s = self._bench.clock.now()
 
-    def judge_line(self, reference_mv: float | None) -> None:
-        """After each line, before it counts: the gate is still open, and the reference was there.
+    def judge_line(self, reference_mv: float, reference_ps: float | None) -> None:
+        """After each line, before it counts: the gate is still open, the reference was there, and as in the first line.
+
+        Parameters
+        ----------
+        reference_mv : float
+            Its lowest amplitude in the line; 0 when most places had none.
+        reference_ps : float or None
+            Its place on the trace.
 
         Raises
         ------
         InterlockTripped, DeviceError
         """
-        self._judge(Readings(sampler=self._bench.sampler.status(), reference_mv=reference_mv), True)
+        sampler = self._bench.sampler.status()
+        share = reference_mv / self._first_reference_mv if self._first_reference_mv else None
+        self._judge(Readings(None, None, sampler, None, reference_mv, share, reference_ps), True)
+        self._first_reference_mv = self._first_reference_mv or reference_mv
 
     def _judge(self, readings: Readings, emitting: bool) -> None:
         self._raise_failure()
         self.panel.judge(readings, emitting=emitting)
 
+    def _rearm(self) -> None:
+        """Beat now, and count the quarters of the watchdog's time from here."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._bench.sampler.heartbeat()
+            self._timer = self._bench.clock.every(BEAT_S, self._beat)
+
     def _beat(self) -> None:
+        """Beat; when the bridge does not take it, end the light by the other barrier at once.
+
+        The run itself learns of it at its next look, perhaps a record later. The triggers are stopped from here only
+        while nobody else is in the middle of a question to the pulser.
+        """
         try:
             self._bench.sampler.heartbeat()
         except DeviceError as error:
-            self._failure = error  # raised by the next look, in the run itself
+            self._failure = error
+            pulser_free = self._pulser_free
             self.stop_beating()
+            if pulser_free:
+                self._stop_triggers(error)
+
+    def _stop_triggers(self, because: DeviceError) -> None:
+        try:
+            self._bench.pulser.off()
+        except DeviceError as error:  # the way out tries it again, and writes down what came of it
+            because.add_note(f"and the pulser could not be switched off: {error}")
 
     def _raise_failure(self) -> None:
         if self._failure is not None:

@@ -51,7 +51,8 @@ def _times_ps(wanted: Acquisition) -> NDArray[np.float64]:
 
 
 def _codes(values: NDArray[np.floating], wanted: Acquisition) -> Sums:
-    return np.clip(np.rint(values), 0, FULL_CODE * wanted.sweeps).astype(np.uint32)
+    codes: Sums = np.clip(np.rint(values), 0, FULL_CODE * wanted.sweeps).astype(np.uint32)
+    return codes
 
 
 def _blanked(site: Site, sums: Sums, wanted: Acquisition, where: NDArray[np.bool_]) -> Sums:

@@ -1,0 +1,352 @@
+"""One run of the controller with a fault: from connect to the end, watched from outside, judged against the truth."""
+
+from __future__ import annotations
+
+import signal
+import sqlite3
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.faults.cases import Case
+from benchmarks.faults.watch import LightMeter, Seen
+from drivers.clock import VirtualClock
+from drivers.errors import DeviceError
+from instrument.bench import Bench
+from instrument.cli.session import calibration_of
+from instrument.controller import Controller, ScanOutcome
+from instrument.devices import make_bench
+from instrument.errors import PicoradarError
+from instrument.recording import Recording, RecordingError
+from instrument.recording.errors import from_sqlite
+from instrument.scan import RasterScan
+from instrument.scan_line import NO_RANGE, SUSPECT, ScanLine
+from instrument.settings import Links, Settings, override
+from sim import SimulatedBench
+from sim.faults import Fault, arm
+
+ROWS = COLUMNS = 4
+WRONG_MM = 2.0  # six standard deviations of a sound point at this number of averages
+WRONG_SD = 6.0  # or of the point's own stated standard deviation, where that is larger
+DARK_S, DEAD_S = 0.050, 1.1  # after a driver's call has shown the fault; after the death of the host
+WALL_LIMIT_S = 60
+DEVICE_LIMIT_S = 2400.0  # warm-up limit, suspensions of every line, and both limits of recovery
+SETTINGS = override(
+    Settings(),
+    {
+        "diode": {"warm_up_limit_s": 120.0, "settle_limit_s": 20.0},
+        "scan": {"rows": ROWS, "columns": COLUMNS},
+        "simulation": {"target": "hip"},
+    },
+)
+
+
+class Defect(Exception):
+    """Stands for a failure of the program itself."""
+
+
+class Hang(BaseException):
+    """The run did not end within its bound."""
+
+
+@dataclass
+class Result:
+    """What one run came to.
+
+    Attributes
+    ----------
+    case : Case
+    state : str
+        State of the controller at the end, before it is acknowledged or shut down.
+    cause : str
+        What `Controller.scan` or another verb raised, or the latched cause; empty when the run completed.
+    lines, suspensions : int
+        Lines stored; times that the scan waited.
+    device_s : float
+        Device time of the whole run.
+    struck_s : float or None
+        When the fault struck first; None when nothing ever met it.
+    fault_to_dark_s : float or None
+        From then until the light was out; None where there was no light then.
+    seen_to_dark_s : float or None
+        From the moment at which a call of a driver showed it until the light was out.
+    off_verified : bool
+        Whether the way out said so.
+    lit : bool
+        Whether there was light at the end, by the bench itself.
+    lost, wrong : int
+        Acknowledged lines that cannot be read; points marked good that are wrong.
+    defect : str
+        Anything else that must not happen: a hang, an unexpected kind of error, a fault without a cause.
+    """
+
+    case: Case
+    state: str = ""
+    cause: str = ""
+    lines: int = 0
+    suspensions: int = 0
+    device_s: float = 0.0
+    struck_s: float | None = None
+    fault_to_dark_s: float | None = None
+    seen_to_dark_s: float | None = None
+    off_verified: bool = False
+    lit: bool = False
+    lost: int = 0
+    wrong: int = 0
+    defect: str = ""
+    errors: list[tuple[float, str]] = field(default_factory=list)
+
+    @property
+    def passed(self) -> bool:
+        """Get whether all promises were kept."""
+        return self.safe and self.in_time and not (self.lost or self.wrong or self.defect)
+
+    @property
+    def safe(self) -> bool:
+        """Get whether there is no light and the host knows it; a dead host cannot."""
+        return not self.lit and (self.off_verified or self.state == "off" or self.case.kind == "host_dead")
+
+    @property
+    def in_time(self) -> bool:
+        """Get whether the light ended in time."""
+        if self.case.kind == "host_dead":
+            return (self.fault_to_dark_s or 0.0) <= DEAD_S
+        return (self.seen_to_dark_s or 0.0) <= DARK_S
+
+
+class Life:
+    """Connect, warm up, scan, with a fault that strikes when the controller comes into a given state."""
+
+    def __init__(self, case: Case, folder: Path) -> None:
+        self.case = case
+        self.clock = VirtualClock()
+        self.bench = SimulatedBench({"target": "hip"}, seed=case.seed, clock=self.clock)
+        self.meter = LightMeter(self.bench)
+        self.errors: list[tuple[float, str]] = []
+        self.off_s: list[float] = []
+        real = make_bench(Links(**self.bench.urls), self.clock, self.bench.usb_backend)
+        seen = {
+            n: Seen(getattr(real, n), self.clock, self.errors, self.off_s)
+            for n in ("pulser", "diode", "galvo", "sampler")
+        }
+        self.controller = Controller(Bench(clock=self.clock, **seen), SETTINGS)
+        self.path = folder / f"{case.kind}-{case.link}-{case.state}-{case.seed}.db"
+        self.acknowledged: list[int] = []
+        self.outcome: ScanOutcome | None = None
+        self.struck: Callable[[], float | None] = lambda: None
+        self._rng = np.random.default_rng([case.seed, 1])
+        self._spoil_append: Callable[[], None] | None = None
+
+    def strike(self, after_s: float = 0.0) -> None:
+        """Let the fault happen soon."""
+        case, at_s = self.case, self.clock.now() + after_s
+        if case.link == "host":
+            self._strike_host(at_s)
+            return
+        fault = Fault(kind=case.kind, link=case.link, at={"time_s": at_s}, **case.lasting)
+        strikes = arm(self.bench, [fault])[0]
+        self.struck = lambda: strikes.first_s
+
+    def _strike_host(self, at_s: float) -> None:
+        def at_once() -> float | None:
+            return at_s if self.clock.now() >= at_s else None
+
+        self.struck = at_once
+        if self.case.kind == "host_dead":
+            arm(
+                self.bench, [Fault(kind="deaf", link=link, at={"time_s": at_s}) for link in ("dg645", "genesys", "tec")]
+            )
+            arm(self.bench, [Fault(kind="usb_silent", link=link, at={"time_s": at_s}) for link in ("helios", "bridge")])
+        elif self.case.kind.startswith("disk"):
+            code = sqlite3.SQLITE_FULL if self.case.kind == "disk_full" else sqlite3.SQLITE_IOERR
+
+            def fail() -> None:
+                if self.clock.now() >= at_s:
+                    error = sqlite3.OperationalError("injected")
+                    error.sqlite_errorcode = code
+                    raise from_sqlite(self.path, error, kept=len(self.acknowledged))
+
+            self._spoil_append = fail
+        elif self.case.kind == "host_stuck":
+            self.clock.call_at(at_s, lambda: self._stuck_until(at_s + 5.0))
+        else:
+            self._sink_error_at_s = at_s
+
+    _sink_error_at_s = float("inf")
+
+    def _stuck_until(self, moment: float) -> None:
+        """Time passes and the host does nothing: its own timer, the heartbeat, does not run either."""
+        supervisor = self.controller._supervisor
+        timer = supervisor._timer
+        if timer is not None:
+            timer.cancel()
+        self.clock.advance_to(moment)
+
+    def live(self) -> None:
+        """Go through the states."""
+        case, controller = self.case, self.controller
+        if case.state == "off":
+            self.strike()
+        controller.connect()
+        if case.state == "connected":
+            self.strike()
+        if case.state == "fault":
+            controller.emergency_off()
+            self.strike()
+            controller.acknowledge()
+            controller.connect()
+        if case.state == "warming":
+            self.strike(after_s=5.0)
+        controller.warm_up()
+        if case.state == "ready":
+            self.strike()
+        self._scan()
+
+    def _scan(self) -> None:
+        job = RasterScan(SETTINGS, calibration_of(SETTINGS), self.clock)
+        sampler = self.controller.bench.sampler
+        header = job.header({}, seed=self.case.seed, zero_code=sampler.zero_code, mv_per_code=sampler.mv_per_code)
+        with Recording.create(self.path, header) as recording:
+            store = Store(recording, self)
+            self.outcome = self.controller.scan(job, store, [self._sink])
+
+    def _sink(self, _line: ScanLine) -> None:
+        state = self.case.state
+        if self.case.kind == "sink_fails" and self.clock.now() >= self._sink_error_at_s:
+            raise RuntimeError("injected: a viewer fails")
+        if len(self.acknowledged) != 1:
+            return
+        if state == "scanning":
+            self.strike(after_s=float(self._rng.random()))
+        elif state == "paused":
+            self.controller.request("pause")
+            self.clock.call_at(self.clock.now() + 1.5, self.strike)
+            self.clock.call_at(self.clock.now() + 4.0, lambda: self.controller.request("resume"))
+        elif state == "suspended":
+            begin = self.clock.now() + 0.1
+            arm(self.bench, [Fault(kind="unplugged", link="tec", at={"time_s": begin}, lasts_s=4.0)])
+            self.clock.call_at(begin + 2.5, self.strike)
+
+
+class Store:
+    """The recording, with a disk that may fail and a program that may be broken."""
+
+    def __init__(self, recording: Recording, life: Life) -> None:
+        self._recording = recording
+        self._life = life
+        self.path = recording.path
+
+    def append(self, line: ScanLine, *, acknowledged_at_s: float | None = None) -> None:
+        self._fail()
+        self._recording.append(line, acknowledged_at_s=acknowledged_at_s)
+        self._life.acknowledged.append(line.index)
+
+    def event(self, time_s: float, kind: str, *, state: str | None = None, **fields: object) -> None:
+        self._fail()
+        self._recording.event(time_s, kind, state=state, **fields)
+
+    def finish(self, stop_reason: str, laser_off_verified: bool, **summary: object) -> bool:
+        self._fail()
+        return self._recording.finish(stop_reason, laser_off_verified, **summary)
+
+    def _fail(self) -> None:
+        if self._life._spoil_append is not None:
+            self._life._spoil_append()
+        if self._life.case.kind == "defect" and self._life.clock.now() >= self._life._sink_error_at_s:
+            raise Defect("injected: the program fails")
+
+
+def run(case: Case, folder: Path) -> Result:
+    """Carry out one case."""
+    result = Result(case)
+    life = Life(case, folder)
+    before = signal.signal(signal.SIGALRM, _too_long)
+    signal.alarm(WALL_LIMIT_S)
+    try:
+        life.live()
+    except (PicoradarError, DeviceError, Defect) as error:
+        result.cause = f"{type(error).__name__}: {error}"
+    except Hang:
+        result.defect = "hang"
+    except Exception:  # noqa: BLE001 - whatever it is, it is a result: a defect
+        result.defect = traceback.format_exc(limit=-3)
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+    _judge(result, life)
+    life.bench.close()
+    return result
+
+
+def _too_long(_number: int, _frame: Any) -> None:
+    raise Hang
+
+
+def _judge(result: Result, life: Life) -> None:
+    controller = life.controller
+    result.state = controller.state
+    result.cause = result.cause or controller.cause
+    result.device_s = life.clock.now()
+    result.lit = life.meter.is_lit()
+    result.off_verified = controller.safe.laser_off_verified
+    result.errors = life.errors
+    result.struck_s = life.struck()
+    if life.outcome is not None:
+        result.suspensions = len(life.outcome.suspended)
+    if result.device_s > DEVICE_LIMIT_S:
+        result.defect += f"; took {result.device_s:.0f} s of device time"
+    if controller.state == "fault" and not controller.cause:
+        result.defect += "; fault without a cause"
+    if result.off_verified and result.lit:
+        result.defect += "; said off while there was light"
+    if controller.state not in ("fault", "ready", "off", "connected"):
+        result.defect += f"; left in state {controller.state}"
+    _time_to_dark(result, life)
+    if life.path.exists():
+        _check_recording(result, life)
+    _leave(result, controller)
+
+
+def _time_to_dark(result: Result, life: Life) -> None:
+    struck, dark = result.struck_s, life.meter.dark_since_s
+    if struck is None or dark < struck or result.state == "ready":
+        return
+    result.fault_to_dark_s = dark - struck
+    seen = min([t for t, _ in life.errors if struck <= t] + [t for t in life.off_s if t >= struck], default=None)
+    last = [t for t in (*[t for t, _ in life.errors], *life.off_s) if struck <= t <= dark]
+    if seen is not None:
+        result.seen_to_dark_s = max(0.0, dark - seen) if last else 0.0
+
+
+def _check_recording(result: Result, life: Life) -> None:
+    try:
+        with Recording.open(life.path) as recording:
+            sound = {check.index for check in recording.check() if check.ok}
+            cloud = recording.cloud(skip_damaged=True)
+    except RecordingError as error:
+        result.defect += f"; the recording does not open: {error}"
+        return
+    result.lines = len(sound)
+    result.lost = len(set(life.acknowledged) - sound)
+    truth = {key[0]: seen.point_mm for key, seen in life.bench.optics.truth.items()}
+    good = (cloud.flags & np.uint16(SUSPECT | NO_RANGE)) == 0
+    limit_mm = np.maximum(WRONG_MM, WRONG_SD * np.sqrt(cloud.range_variance_mm2))
+    places = cloud.rows.astype(int) * COLUMNS + cloud.columns + 1
+    for place, point, most_mm in zip(places[good], cloud.points_mm[good], limit_mm[good], strict=True):
+        true_mm = truth.get(int(place))
+        if true_mm is None or not np.linalg.norm(point - true_mm) <= most_mm:
+            result.wrong += 1
+
+
+def _leave(result: Result, controller: Controller) -> None:
+    try:
+        if controller.state == "fault":
+            controller.acknowledge()
+        elif controller.state in ("connected", "ready", "warming"):
+            controller.shut_down()
+    except DeviceError as error:
+        result.defect += f"; cannot leave: {error}"

@@ -1,0 +1,58 @@
+"""What a scan works with, and the working point that it waits for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from drivers.interfaces import Identity
+from instrument.bench import Bench
+from instrument.controller.machine import StateMachine
+from instrument.controller.requests import Requests
+from instrument.controller.supervision import Supervisor
+from instrument.settings import Settings
+
+POLL_S = 0.2
+SETTLED_FOR_S = 2.0  # the heat of the light takes a moment to show at the diode's sensor
+
+
+@dataclass
+class Station:
+    """What a scan works with; owned by the controller."""
+
+    bench: Bench
+    settings: Settings
+    machine: StateMachine
+    supervisor: Supervisor
+    requests: Requests
+    known: Mapping[str, Identity]
+    log: Any
+
+
+def reach_working_point(station: Station, between: Callable[[], None]) -> bool:
+    """Wait until the diode, warmed by its own light, is where every line of every scan finds it.
+
+    Parameters
+    ----------
+    station : Station
+    between : callable
+        Called before each look; may raise.
+
+    Returns
+    -------
+    bool
+        False when the limit of the settings has passed before; the interlocks still hold then.
+    """
+    clock, diode = station.bench.clock, station.settings.diode
+    end = clock.now() + diode.settle_limit_s
+    inside_since_s = clock.now()
+    while clock.now() - inside_since_s < SETTLED_FOR_S:
+        if clock.now() >= end:
+            station.log.warning("working point not reached", limit_s=diode.settle_limit_s)
+            return False
+        between()
+        if abs(station.bench.diode.status().temperature_degc - diode.target_degc) > diode.settled_k:
+            inside_since_s = clock.now()
+        clock.sleep(POLL_S)
+    return True
