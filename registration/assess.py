@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from registration._types import BoolArray, FloatArray
+from registration._types import BoolArray, FloatArray, IntArray
 from registration.errors import RegistrationError
 from registration.icp import Iteration
 from registration.measures import residual_measures
@@ -19,6 +19,7 @@ from registration.quality import (
     Target,
     describe_weakness,
     information,
+    patch_misfit_mm,
     plane_rows,
     quantile_mm,
     stiffness,
@@ -29,6 +30,12 @@ from registration.rigid import transform
 from registration.scan import Scan
 from registration.surface import Closest
 from registration.verdict import Evidence, Tolerance, judge
+
+PLAUSIBLE = 20.0
+"""Difference of the log likelihood below which a rival may be the truth: neighbours are not independent."""
+
+PATCH_POINTS = 8
+"""Neighbours that share a departure of the model from the points."""
 
 FREE_MM = 1e3
 """A motion whose predicted standard deviation exceeds this is called free."""
@@ -44,9 +51,10 @@ class Solution:
     history: list[Iteration]
     rivals: list[Rival]
     noise: NoiseModel
-    noise_limit_mm: float
+    around: IntArray
     cost: float
     method: str
+    sure: bool = True
 
 
 @dataclass(frozen=True)
@@ -59,7 +67,12 @@ class Asked:
 
 
 def assess(scan: Scan, solution: Solution, asked: Asked, findings: list[str]) -> Registration:
-    """Measure, predict and judge a solution."""
+    """Measure, predict and judge a solution.
+
+    The covariance is that of the plane form, inflated where the residuals are larger than predicted, and by the share
+    of points left out: which points are bone was decided by the same data. (Measured on simulated scans, squared errors
+    are 0.7 to 1.1 times those predicted so; without the share they are 0.7 to 2.4 times.)
+    """
     inliers, closest = solution.inliers, solution.closest
     moved = transform(solution.model_from_scanner, scan.points)
     enough = int(inliers.sum()) >= 6
@@ -70,7 +83,10 @@ def assess(scan: Scan, solution: Solution, asked: Asked, findings: list[str]) ->
     sigma = solution.noise.plane_sigma(scan, rotation, closest.normals)
     rows = plane_rows(moved[used], closest.normals[used], centre)
     chi2 = float(np.mean((closest.signed_mm[used] / sigma[used]) ** 2))
-    covariance = pose_covariance(information(rows, sigma[used]), radius) * max(1.0, chi2)
+    misfit = patch_misfit_mm(closest.signed_mm, used, solution.around)
+    correlated = 1.0 + PATCH_POINTS * float(np.mean((misfit / sigma[used]) ** 2))
+    inflation = max(1.0, chi2) * correlated * len(scan) / int(used.sum())
+    covariance = pose_covariance(information(rows, sigma[used]), radius) * inflation
     bias = bias_motion(rows, sigma[used], closest.normals[used], scan.beams[used] @ rotation.T, covariance)
     targets = [
         predict(name, position, covariance, centre, bias * asked.range_bias_mm)
@@ -85,9 +101,9 @@ def assess(scan: Scan, solution: Solution, asked: Asked, findings: list[str]) ->
         points=len(scan),
         inliers=int(inliers.sum()),
         inside_share=float(np.mean(closest.signed_mm < -4.0 * np.maximum(sigma, 0.25))),
-        noise_mm=solution.noise.range_mm,
-        noise_limit_mm=solution.noise_limit_mm,
-        rivals=solution.rivals,
+        misfit_mm=misfit,
+        rivals=[r for r in solution.rivals if (r.cost - solution.cost) * len(scan) < PLAUSIBLE],
+        sure=solution.sure,
     )
     verdict, reasons = judge(evidence, asked.tolerance)
     return Registration(
@@ -110,6 +126,7 @@ def assess(scan: Scan, solution: Solution, asked: Asked, findings: list[str]) ->
         cost=solution.cost,
         method=solution.method,
         noise_mm=solution.noise.range_mm,
+        misfit_mm=misfit,
         findings=findings,
     )
 

@@ -17,10 +17,11 @@ from registration.model import Model
 from registration.noise import TYPICAL_RANGE_MM, NoiseModel, estimated_range_noise
 from registration.result import Registration
 from registration.rigid import transform
-from registration.robust import NOISE_LIMIT, register_robust
+from registration.robust import register_robust
 from registration.scan import Scan, checked_scan
 from registration.start import Start, start_pose
 from registration.surface import Surface
+from registration.tissue import neighbours
 from registration.verdict import Tolerance
 from registration.visibility import visible_shell
 
@@ -121,7 +122,7 @@ def _dissertation(
         history=result.history,
         rivals=[],
         noise=noise,
-        noise_limit_mm=NOISE_LIMIT * TYPICAL_RANGE_MM,
+        around=neighbours(scan),
         cost=float(np.mean(closest.signed_mm**2)),
         method="dissertation",
     )

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from registration._types import FloatArray
+from registration._types import BoolArray, FloatArray, IntArray
 from registration.rigid import skew
 
 
@@ -31,6 +31,31 @@ def information(rows: FloatArray, sigma_mm: FloatArray) -> FloatArray:
     """Information matrix (6, 6) of plane residuals with standard deviations `sigma_mm` (N,)."""
     scaled = rows / sigma_mm[:, None]
     return np.asarray(scaled.T @ scaled, dtype=np.float64)
+
+
+def patch_misfit_mm(residuals_mm: FloatArray, inliers: BoolArray, around: IntArray) -> float:
+    """Root mean square departure of the model from the points that neighbours share, free of the points' own noise.
+
+    Noise differs from point to point, but a wrong bone, a wrong pose or a bad segmentation displaces whole patches: the
+    covariance of residuals with the mean of their neighbours' is the variance of that part.
+
+    Parameters
+    ----------
+    residuals_mm : (N,) array
+        Signed distances.
+    inliers : (N,) array of bool
+        Points that count.
+    around : (N, 8) array
+        Raster neighbours; N stands for none.
+    """
+    value = np.append(np.where(inliers, residuals_mm, 0.0), 0.0)
+    counted = np.append(inliers, False)
+    count = counted[around].sum(axis=1)
+    used = inliers & (count >= 3)
+    if used.sum() < 6:
+        return 0.0
+    mean = value[around[used]].sum(axis=1) / count[used]
+    return float(np.sqrt(max(0.0, np.mean(residuals_mm[used] * mean))))
 
 
 @dataclass(frozen=True)

@@ -66,6 +66,12 @@ class Registration:
     cost : float
         Mean robust cost a point of the solution.
     method : str
+    noise_mm : float
+        Range noise that the residuals show.
+    misfit_mm : float
+        Departure of the model from the points that neighbouring points share.
+    findings : list of sentences
+        What validation of the model found.
     """
 
     model_from_scanner: FloatArray
@@ -87,6 +93,7 @@ class Registration:
     cost: float
     method: str
     noise_mm: float
+    misfit_mm: float
     findings: list[str] = field(default_factory=list)
 
     def to_dict(self) -> dict[str, Any]:
@@ -124,6 +131,7 @@ class Registration:
             ],
             "method": self.method,
             "noise_mm": _number(self.noise_mm),
+            "misfit_mm": _number(self.misfit_mm),
         }
 
 

@@ -18,11 +18,8 @@ from registration.noise import TYPICAL_RANGE_MM, NoiseModel
 from registration.result import Rival
 from registration.rigid import transform
 from registration.scan import Scan
-from registration.search import Search, difference
+from registration.search import SURE_HITS, Search, difference
 from registration.tissue import neighbours, raster_noise
-
-NOISE_LIMIT = 3.0
-"""How many times the expected noise the points may scatter before the pose is doubted."""
 
 MAX_RIVALS = 5
 """Rivals reported at most."""
@@ -62,9 +59,10 @@ def register_robust(
             for c in candidates[1 : MAX_RIVALS + 1]
         ],
         noise=final.noise,
-        noise_limit_mm=NOISE_LIMIT * (noise_mm or TYPICAL_RANGE_MM),
+        around=around,
         cost=-candidates[0].log_likelihood,
         method="robust",
+        sure=start is not None or candidates[0].hits >= SURE_HITS,
     )
 
 

@@ -27,12 +27,13 @@ class Evidence:
     targets : list of Target
     points, inliers : int
     inside_share : float
-        Share of points significantly inside bone, where no beam can end.
-    chi2 : float
-        Mean squared residual of the inliers in units of their predicted sigma.
-    noise_mm, noise_limit_mm : float
-        Range noise that the residuals show, and the most that the instrument can have.
+        Share of points clearly inside bone, where no beam can end.
+    misfit_mm : float
+        Departure of the model from the points that neighbours share.
     rivals : list of Rival
+        Those that may be the truth.
+    sure : bool
+        The search reached this minimum often enough to trust that it missed no better one.
     """
 
     rotation_sd_deg: float
@@ -40,9 +41,19 @@ class Evidence:
     points: int
     inliers: int
     inside_share: float
-    noise_mm: float
-    noise_limit_mm: float
+    misfit_mm: float
     rivals: list[Rival]
+    sure: bool
+
+
+MIN_SHARE = 0.25
+"""Fewer points on the model than this share are no registration."""
+
+INSIDE_CAUTION, INSIDE_FAIL = 0.005, 0.03
+"""Shares of points inside bone."""
+
+MISFIT_CAUTION, MISFIT_FAIL = 0.2, 0.5
+"""Departures of the model in patches, as shares of the tolerance at the targets."""
 
 
 def judge(evidence: Evidence, tolerance: Tolerance) -> tuple[Verdict, list[str]]:
@@ -50,15 +61,20 @@ def judge(evidence: Evidence, tolerance: Tolerance) -> tuple[Verdict, list[str]]
     fails: list[str] = []
     cautions: list[str] = []
     share = evidence.inliers / evidence.points
-    if share < 0.25:
+    if share < MIN_SHARE:
         fails.append(f"Only {share:.0%} of the points lie on the model: it may be another bone, or the pose is wrong.")
-    if evidence.inside_share > 0.10:
-        fails.append(f"{evidence.inside_share:.0%} of the points lie inside bone, where no beam can end.")
-    if evidence.noise_mm > evidence.noise_limit_mm:
-        fails.append(
-            f"The points scatter by {evidence.noise_mm:.2f} mm about the model, more than the instrument's noise can "
-            f"explain ({evidence.noise_limit_mm:.2f} mm): another bone or a wrong pose."
+    if evidence.inside_share > INSIDE_CAUTION:
+        (fails if evidence.inside_share > INSIDE_FAIL else cautions).append(
+            f"{evidence.inside_share:.1%} of the points lie inside bone, where no beam can end: the model may be "
+            "another bone, or mirrored."
         )
+    if evidence.misfit_mm > MISFIT_CAUTION * tolerance.target_mm:
+        (fails if evidence.misfit_mm > MISFIT_FAIL * tolerance.target_mm else cautions).append(
+            f"Whole patches of points lie {evidence.misfit_mm:.2f} mm (rms) off the model, which noise cannot do: "
+            "another bone, a mirrored or poorly segmented model, or tissue taken for bone."
+        )
+    if not evidence.sure:
+        cautions.append("The search reached this pose only once: a better one may have been missed; give landmarks.")
     _judge_size("rotation", 2.0 * evidence.rotation_sd_deg, tolerance.rotation_deg, "deg", fails, cautions)
     for target in evidence.targets:
         _judge_size(
