@@ -36,6 +36,7 @@ def sim(
     distance_mm: options.DistanceMm = None,
     seed: options.Seed = None,
     speed: Annotated[str, typer.Option(help="Pace: 1 (real time) or a factor up to 50.")] = "1",
+    faults: options.Faults = None,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for settings file and port names; default: a temporary one.")
     ] = None,
@@ -66,7 +67,7 @@ def sim(
         stopped = _stop_signals()
         folder = out if out is not None else Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="picoradar-")))
         _make(folder)
-        simulated = Simulated(wanted, None)
+        simulated = Simulated(wanted, None, faults)
         stack.callback(simulated.close)
         server = stack.enter_context(BenchServer(simulated.bench, folder.resolve(), speed=factor))
         addresses = server.addresses()

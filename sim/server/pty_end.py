@@ -38,11 +38,6 @@ class PtyEnd:
         self._master = self._slave = -1
         self.plug()
 
-    @property
-    def plugged(self) -> bool:
-        """Get whether the terminal is there."""
-        return self._master >= 0
-
     def fileno(self) -> int:
         """Get the descriptor of our side."""
         return self._master
@@ -67,9 +62,7 @@ class PtyEnd:
         self._master = self._slave = -1
 
     def close(self) -> None:
-        """Take terminal and name away."""
-        if self.plugged:
-            self.pull()
+        """Take the name away, after a `pull`."""
         self.name.unlink(missing_ok=True)
 
     def read(self) -> bytes:

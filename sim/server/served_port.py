@@ -37,10 +37,11 @@ class ServedPort:
         self._loop = loop
         self._socket = SocketEnd(loop, wire.write)
         self._pty = _make_pty(pty_name, wire.firmware.baud)
+        self._present = True
         wire.host_open = True
         wire.piece_bytes = max(1, int(wire.firmware.baud / 10 * PIECE_S * loop.speed))
         self._watch_pty()
-        loop.every_turn(self._answer)
+        loop.every_turn(self._turn)
 
     @property
     def addresses(self) -> dict[str, str | None]:
@@ -50,24 +51,16 @@ class ServedPort:
     def pull(self) -> None:
         """Pull the cable out of the host."""
         self._wire.plugged = False
-        self._wire.discard()
-        self._socket.pull()
-        if self._pty is not None and self._pty.plugged:
-            self._loop.forget(self._pty.fileno())
-            self._pty.pull()
+        self._follow_cable()
 
     def plug(self) -> None:
         """Plug the cable in again: same names, a new terminal."""
         self._wire.plugged = True
-        self._socket.plug()
-        if self._pty is not None:
-            self._pty.plug()
-            self._watch_pty()
+        self._follow_cable()
 
     def close(self) -> None:
         """Take both ports away."""
-        if self._wire.plugged:
-            self.pull()
+        self.pull()
         if self._pty is not None:
             self._pty.close()
 
@@ -81,6 +74,27 @@ class ServedPort:
         data = heard(self._pty.read(), sent_baud=self._pty.baud(), read_baud=self._wire.firmware.baud)
         if data and not self._socket.connected:
             self._wire.write(data)
+
+    def _turn(self) -> None:
+        self._follow_cable()
+        self._answer()
+
+    def _follow_cable(self) -> None:
+        """Take the ports away or put them back when the cable has been pulled or plugged in (also by a fault)."""
+        if self._wire.plugged == self._present:
+            return
+        self._present = self._wire.plugged
+        if self._present:
+            self._socket.plug()
+            if self._pty is not None:
+                self._pty.plug()
+                self._watch_pty()
+            return
+        self._wire.discard()
+        self._socket.pull()
+        if self._pty is not None:
+            self._loop.forget(self._pty.fileno())
+            self._pty.pull()
 
     def _answer(self) -> None:
         """Hand on what has come from the device."""

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +25,10 @@ from instrument.cli.main import run
 PICORADAR = [sys.executable, "-m", "instrument.cli"]
 
 
-@pytest.fixture(scope="module")
-def sim() -> Iterator[dict[str, Any]]:
-    process = subprocess.Popen(
-        [*PICORADAR, "sim", "--speed", "20", "--target", "plate", "--seed", "5"], stdout=subprocess.PIPE, text=True
-    )
+@contextmanager
+def served(*options: str) -> Iterator[dict[str, Any]]:
+    command = [*PICORADAR, "sim", "--speed", "20", "--target", "plate", "--seed", "5", *options]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     told = json.loads(process.stdout.readline())
     yield told
@@ -37,6 +37,12 @@ def sim() -> Iterator[dict[str, Any]]:
     assert process.stdout.read() == "", "nothing but the first line may be on stdout"
     process.stdout.close()
     assert not Path(told["settings"]).exists()
+
+
+@pytest.fixture(scope="module")
+def sim() -> Iterator[dict[str, Any]]:
+    with served() as told:
+        yield told
 
 
 def over_ptys(told: dict[str, Any], folder: Path) -> Path:
@@ -158,3 +164,16 @@ def test_a_host_that_comes_when_the_bench_has_gone(tmp_path: Path, capsys: pytes
     assert told["ok"] is False
     for device in told["devices"]:
         assert "picoradar sim" in device["problem"]
+
+
+def test_faults_show_at_the_served_ports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    faults = tmp_path / "faults.toml"
+    faults.write_text(
+        '[[fault]]\nkind = "unplugged"\nlink = "tec"\nat = {time_s = 0}\n'
+        '[[fault]]\nkind = "usb_unplugged"\nlink = "helios"\nat = {time_s = 0}\n'
+    )
+    with served("--faults", str(faults)) as told:
+        assert run(["doctor", "--settings", told["settings"], "--json"]) == 3
+        assert told["serial"]["tec"]["pty"] is None or not Path(told["serial"]["tec"]["pty"]).exists()
+    devices = {d["name"]: d for d in json.loads(capsys.readouterr().out)["devices"]}
+    assert {name for name, device in devices.items() if not device["ok"]} == {"tec", "helios"}
