@@ -60,9 +60,9 @@ def backscatter(cosine: FloatArray, coefficients: FloatArray) -> FloatArray:
     return np.asarray(a * cosine + b * sine_squared + s * np.exp(-g * sine_squared / np.maximum(squared, 1e-9)))
 
 
-BONE_DRY = Material(0.66)
 BONE_MOIST = Material(0.64, specular=0.03, gloss_deg=15.0)
 BONE_WET = Material(0.64, specular=0.045, gloss_deg=15.0)
+CARTILAGE = Material(0.65, specular=0.05, gloss_deg=12.0)
 SOFT_TISSUE = Material(0.48, specular=0.05, gloss_deg=15.0)
 FAT = Material(0.55, specular=0.04, roughness_deg=20.0, gloss_deg=15.0)
 BLOOD = Material(0.22, specular=0.15, roughness_deg=10.0, gloss_deg=8.0)

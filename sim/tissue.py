@@ -6,17 +6,19 @@ import math
 
 import numpy as np
 
-from sim.materials import BLOOD, BONE_WET, CLOT, FAT, SOFT_TISSUE, STEEL, Material
+from sim.materials import BLOOD, BONE_WET, CARTILAGE, CLOT, FAT, SOFT_TISSUE, STEEL, Material
 from sim.scene import FloatArray, Target
 
 SOCKET_RADIUS_MM = 25.5
 SOCKET_AREA_MM2 = 2700.0
 FOSSA_MM = (-91.88, 35.81, -68.73)  # deepest point of the fossa, seen along the axis of the socket
 CLOT_MM = 2.0
+WALL_MM, CARTILAGE_MM = 4.0, 1.5  # tissue lies on the fossa too, cartilage does not
 
 
 def dress(bone: Target, centre: FloatArray, axis: FloatArray) -> Target:
-    """Make a bone look as in the patient of chapter 5: wet, with fat in the fossa, a clot and two retractors.
+    """Make a bone look as in the patient of chapter 5: wet, cartilage on the wall of the socket, fat and a clot in its
+    fossa, and two retractors beside it.
 
     Parameters
     ----------
@@ -29,7 +31,8 @@ def dress(bone: Target, centre: FloatArray, axis: FloatArray) -> Target:
     -------
     Target
     """
-    wet = Target(bone.name, bone.vertices, bone.faces, (BONE_WET,), np.zeros(len(bone.faces), dtype=np.int64))
+    wall = (_wall_areas(bone, centre, CARTILAGE_MM) > 0).astype(np.int64)
+    wet = Target(bone.name, bone.vertices, bone.faces, (BONE_WET, CARTILAGE), wall)
     floor = np.array(FOSSA_MM)
     pad = _lump(floor - 0.5 * axis, axis, (6.0, 5.0, 1.5), 0.0, FAT)
     clot = _lump(floor + 0.9 * axis, axis, (CLOT_MM / 2, CLOT_MM / 2, 0.4), 0.0, CLOT)
@@ -60,13 +63,7 @@ def clutter(bone: Target, centre: FloatArray, share: float, rng: np.random.Gener
     Target
     """
     corners = bone.vertices[bone.faces]
-    middles = corners.mean(axis=1)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = np.linalg.norm(normals, axis=1)
-    outward = middles - centre
-    distance = np.linalg.norm(outward, axis=1)
-    inner = (np.abs(distance - SOCKET_RADIUS_MM) < 4.0) & (np.einsum("ij,ij->i", outward, normals) < 0)
-    weights = np.where(inner, areas, 0.0)
+    weights = _wall_areas(bone, centre, WALL_MM)
     if not weights.any():
         raise ValueError(f"target {bone.name}: no wall of a socket near {centre.round(1).tolist()} to put tissue on")
     covered = 0.0
@@ -79,10 +76,20 @@ def clutter(bone: Target, centre: FloatArray, share: float, rng: np.random.Gener
             size, material = rng.uniform((4.0, 0.5, 0.5), (9.0, 1.2, 3.0)), SOFT_TISSUE
         else:
             size, material = rng.uniform((1.5, 1.5, 0.2), (4.0, 4.0, 0.5)), BLOOD
-        direction = normals[face] / areas[face]
-        bone = bone.joined(_lump(middles[face], direction, size, rng.uniform(0, math.pi), material))
+        a, b, c = corners[face]
+        bone = bone.joined(_lump((a + b + c) / 3, np.cross(b - a, c - a), size, rng.uniform(0, math.pi), material))
         covered += math.pi * float(size[0] * size[1])
     return bone
+
+
+def _wall_areas(bone: Target, centre: FloatArray, margin_mm: float) -> FloatArray:
+    """Twice the area of each face (F,) that looks to the centre from the socket's radius, zero for all others."""
+    corners = bone.vertices[bone.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    outward = corners.mean(axis=1) - centre
+    distance = np.linalg.norm(outward, axis=1)
+    on_wall = (np.abs(distance - SOCKET_RADIUS_MM) < margin_mm) & (np.einsum("ij,ij->i", outward, normals) < 0)
+    return np.where(on_wall, np.linalg.norm(normals, axis=1), 0.0)
 
 
 def _frame(z: FloatArray, turn_rad: float) -> FloatArray:
