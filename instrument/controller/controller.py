@@ -176,12 +176,22 @@ class Controller:
     # ---- entry actions
 
     def _open_all(self) -> None:
+        """Open all, also after one has failed: the more links stand, the more can be switched off and read back."""
+        failures: list[DeviceError] = []
         try:
             for device in self.bench.devices().values():
-                device.open()
+                try:
+                    device.open()
+                except DeviceError as error:
+                    failures.append(error)
+            if failures:
+                for other in failures[1:]:
+                    failures[0].add_note(f"and {other}")
+                raise failures[0]
             self.bench.pulser.configure(prf_hz=self.settings.pulser.prf_hz, drive_v=self.settings.pulser.drive_v)
             self._known = self.bench.identify()
         except BaseException:
+            self.safe = make_safe(self.bench)
             self._close_all()
             raise
 
