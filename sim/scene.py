@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.materials import Material, backscatter
+from sim.rays import MISS, caster
 
 FloatArray = NDArray[np.float64]
-MISS = -1
 
 
 class Hits(NamedTuple):
@@ -77,9 +77,6 @@ class Scene:
     """
 
     def __init__(self, target: Target, scanner_from_model: FloatArray) -> None:
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-
         self.target = target
         self.scanner_from_model = np.array(scanner_from_model, dtype=np.float64)
         vertices = target.vertices @ self.scanner_from_model[:3, :3].T + self.scanner_from_model[:3, 3]
@@ -93,8 +90,7 @@ class Scene:
         offsets = np.einsum("ij,ij->i", normals, corners[keep, 0])
         surfaces = np.array([material.coefficients() for material in target.materials])[target.face_material[keep]]
         self._faces = np.column_stack([normals, offsets, surfaces])
-        self._embree = EmbreeScene()
-        self._mesh = TriangleMesh(self._embree, np.ascontiguousarray(corners[keep], dtype=np.float32))
+        self._caster = caster(corners[keep])
 
     def cast(self, origins: FloatArray, directions: FloatArray) -> Hits:
         """Follow rays to the target.
@@ -108,7 +104,7 @@ class Scene:
         -------
         Hits
         """
-        face = self._embree.run(origins.astype(np.float32), directions.astype(np.float32))
+        face = self._caster.run(origins.astype(np.float32), directions.astype(np.float32))
         surface = self._faces[face]  # for a miss the last face, of no consequence
         normal = surface[:, :3]
         slope = np.einsum("ij,ij->i", normal, directions)

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from sim.materials import BONE_MOIST, CLOT, GRAY_PAINT, STEEL, WHITE, Material, backscatter, paint
 from sim.noise import Noise
 from sim.operator import clicks
-from sim.scene import MISS, Scene, Target
+from sim.rays import MISS, NumpyCaster, caster
+from sim.scene import Scene, Target
 from sim.settings import SimulationSettings
 from sim.targets import (
     SOCKET_AXIS,
@@ -53,6 +54,17 @@ def test_a_face_reflects_from_both_sides_and_a_miss_is_told():
         np.testing.assert_array_equal(hits.distance_mm, [5.0, np.inf])
         np.testing.assert_array_equal(hits.face, [0, MISS])
         np.testing.assert_allclose(hits.brightness, [0.4, 0.0])
+
+
+def test_plain_numpy_finds_the_same_faces_as_embree():
+    body = prism()
+    corners = body.vertices[body.faces]
+    rng = np.random.default_rng(7)
+    directions = rng.normal(size=(300, 3)).astype(np.float32)
+    origins = (rng.uniform(-15, 15, (300, 3)) - 60 * directions).astype(np.float32)
+    by_numpy = NumpyCaster(corners).run(origins, directions)
+    assert 50 < np.count_nonzero(by_numpy != MISS) < 300
+    np.testing.assert_array_equal(by_numpy, caster(corners).run(origins, directions))
 
 
 def test_a_body_without_area_is_refused():
