@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from registration import cache
 from registration._types import FloatArray, IntArray
 from registration.mesh import MeshReport, validated
 from registration.surface import Closest, Surface
@@ -72,6 +73,9 @@ class Model:
 def prepare_model(vertices: npt.ArrayLike, faces: npt.ArrayLike, *, name: str = "model") -> Model:
     """Validate a mesh and prepare it for registration.
 
+    The result is kept on disk by content (see :mod:`registration.cache`), so that the same mesh is ready at once
+    the next time.
+
     Parameters
     ----------
     vertices : (V, 3) array
@@ -86,6 +90,14 @@ def prepare_model(vertices: npt.ArrayLike, faces: npt.ArrayLike, *, name: str = 
     MeshError
         See :func:`registration.mesh.validated`.
     """
-    v, f, report = validated(vertices, faces)
-    surface = Surface(v, f)
-    return Model(surface=surface, report=report, views=make_views(surface), name=name)
+    given_vertices, given_faces = np.asarray(vertices), np.asarray(faces)
+    key = cache.digest(given_vertices, given_faces)
+    prepared = cache.load(key)
+    if prepared is None:
+        v, f, report = validated(given_vertices, given_faces)
+        surface = Surface(v, f)
+        views = make_views(surface)
+        cache.store(key, (v, f, report, views))
+        return Model(surface=surface, report=report, views=views, name=name)
+    v, f, report, views = prepared
+    return Model(surface=Surface(v, f), report=report, views=views, name=name)

@@ -22,6 +22,9 @@ CELL_MM = 3.0
 HYPOTHESES = 400
 """Spheres tried about each peak."""
 
+MAX_FACES = 10_000
+"""Of larger models so many faces, evenly taken, are asked."""
+
 MIN_FACES = 30
 """Fewer faces on a sphere are chance."""
 
@@ -58,10 +61,11 @@ def find_sockets(surface: Surface, *, limit: int = 3, smallest_share: float = 0.
     smallest_share : float
         Regions with less than this share of the largest one's area are left out.
     """
-    centres = surface.vertices[surface.faces].mean(axis=1)
-    peaks = _peaks(centres, surface.face_normals, surface.face_areas, 4 * limit)
+    stride = max(1, len(surface.faces) // MAX_FACES)
+    centres = surface.vertices[surface.faces[::stride]].mean(axis=1)
+    normals, areas = surface.face_normals[::stride], surface.face_areas[::stride] * stride
     found: list[Socket] = []
-    fitted = [_fitted(centres, surface.face_normals, surface.face_areas, *peak) for peak in peaks]
+    fitted = [_fitted(centres, normals, areas, *peak) for peak in _peaks(centres, normals, areas, 4 * limit)]
     for socket in sorted((s for s in fitted if s is not None), key=lambda s: -s.area_mm2):
         apart = all(np.linalg.norm(socket.centre - s.centre) > 0.5 * s.radius_mm for s in found)
         if apart and socket.area_mm2 >= smallest_share * (found or [socket])[0].area_mm2:
@@ -80,8 +84,11 @@ def _peaks(points: FloatArray, normals: FloatArray, areas: FloatArray, count: in
         for place in np.argsort(-votes, kind="stable")[:4]:
             where = np.array(np.unravel_index(int(place), tuple(shape)), dtype=np.float64)
             peaks.append((float(votes[place] / radius**2), low + (where + 0.5) * CELL_MM, float(radius)))
-    peaks.sort(key=lambda p: -p[0])
-    return [(centre, radius) for _, centre, radius in peaks[:count]]
+    chosen: list[tuple[FloatArray, float]] = []
+    for _, centre, radius in sorted(peaks, key=lambda p: -p[0]):
+        if all(np.linalg.norm(centre - other) > 2.0 * CELL_MM for other, _ in chosen):
+            chosen.append((centre, radius))
+    return chosen[:count]
 
 
 def _fitted(

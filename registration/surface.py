@@ -55,7 +55,20 @@ class Surface:
     def __init__(self, vertices: FloatArray, faces: IntArray) -> None:
         self.vertices = np.ascontiguousarray(vertices, dtype=np.float64)
         self.faces = np.ascontiguousarray(faces, dtype=np.int64)
-        self.face_normals, self.face_areas = face_normals_and_areas(self.vertices, self.faces)
+
+    @cached_property
+    def _normals_and_areas(self) -> tuple[FloatArray, FloatArray]:
+        return face_normals_and_areas(self.vertices, self.faces)
+
+    @property
+    def face_normals(self) -> FloatArray:
+        """Unit normals (F, 3)."""
+        return self._normals_and_areas[0]
+
+    @property
+    def face_areas(self) -> FloatArray:
+        """Areas (F,) in mm^2."""
+        return self._normals_and_areas[1]
 
     @cached_property
     def tree(self) -> Any:
