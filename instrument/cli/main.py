@@ -93,9 +93,9 @@ def _failed(arguments: list[str], code: int, message: str) -> int:
 
 
 def _register_subcommands() -> None:
-    from instrument.cli import bench, demo, doctor, export, info, laser_class, register, resume, scan, sim
+    from instrument.cli import bench, demo, doctor, export, info, laser_class, register, resume, scan, settings, sim
 
-    for module in (demo, sim, doctor, scan, resume, info, export, register, bench, laser_class):
+    for module in (demo, settings, sim, doctor, scan, resume, info, export, register, bench, laser_class):
         module.add_to(app)
 
 
