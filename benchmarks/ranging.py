@@ -1,6 +1,6 @@
 """How near to the bound the ranging comes, what is left of the timing walk, and how fast it is.
 
-    python benchmarks/ranging.py efficiency [--readings 1000] [--seed 1]
+    python benchmarks/ranging.py efficiency [--readings 1000] [--seed 1] [--picture FILE]
     python benchmarks/ranging.py walk       [--readings 200]
     python benchmarks/ranging.py windows    [--target hip] [--wanted-mm 0.2]
     python benchmarks/ranging.py throughput
@@ -18,6 +18,7 @@ import itertools
 import time
 from collections.abc import Iterator
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,27 +141,44 @@ class Bound:
         )
 
 
-def efficiency(seed: int, count: int) -> None:
-    """Print variance over bound, and variance over the variance told, for responses and averages."""
+def efficiency(seed: int, count: int, picture: Path | None) -> None:
+    """Print, and draw, variance over bound, and variance over the variance told, for responses and averages."""
     calibration, bound = calibrate(1000 * seed), Bound()
     bare = calibration.model_copy(update={"walk": {}})
     print(f"{count} readings of a plate at 1 m; the ratio of two variances is good to {100 * np.sqrt(2 / count):.0f} %")
     print("response averages   bound mm |  half-maximum: rms mm  var/bound |  template: rms mm  var/bound  chi^2")
+    ratios = np.empty((2, len(AVERAGES), len(RESPONSES_MV)))
     for number, (sweeps, response) in enumerate(itertools.product(AVERAGES, RESPONSES_MV)):
         bench = painted(100 * seed + number, response, target="plate", distance_mm=DISTANCE_MM)
         traces, true = readings(bench, count, sweeps)
-        row = []
-        for method in METHODS:
-            found = estimate(traces, TIMES_PS, method=method, calibration=bare, sweeps=sweeps)
-            error = found.range_mm - true
-            error -= error.mean()
-            row.append((error, found))
-        best = bound.sd_mm(row[1][1], response, sweeps)
-        (coarse, _), (fine, found) = row
+        found = {m: estimate(traces, TIMES_PS, method=m, calibration=bare, sweeps=sweeps) for m in METHODS}
+        crossing, fitted = (found[m].range_mm - true - np.mean(found[m].range_mm - true) for m in METHODS)
+        best = bound.sd_mm(found["template"], response, sweeps)
+        ratio = np.array([crossing.var(), fitted.var()]) / best**2
+        ratios[(slice(None), *np.unravel_index(number, ratios.shape[1:]))] = ratio
+        told = np.mean(fitted**2 / found["template"].variance_mm2)
         print(
-            f"{response:6.0f} {sweeps:8d} {best:12.4f} | {coarse.std():16.3f} {coarse.var() / best**2:14.1f} |"
-            f" {fine.std():15.4f} {fine.var() / best**2:10.2f} {np.mean(fine**2 / found.variance_mm2):7.2f}"
+            f"{response:6.0f} {sweeps:8d} {best:12.4f} | {crossing.std():16.3f} {ratio[0]:14.1f} |"
+            f" {fitted.std():15.4f} {ratio[1]:10.2f} {told:7.2f}"
         )
+    if picture:
+        draw(ratios, picture)
+
+
+def draw(ratios: FloatArray, picture: Path) -> None:
+    """Draw variance over bound against response, one line for each number of averages."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7, 3.5), layout="constrained")
+    axes = figure.subplots()
+    for name, style, of_method in zip(METHODS, ("--", "-"), ratios, strict=True):
+        for colour, sweeps, values in zip(("C0", "C1", "C2", "C3"), AVERAGES, of_method, strict=True):
+            axes.semilogy(RESPONSES_MV, values, style + "o", color=colour, ms=4, label=f"{name}, {sweeps} averages")
+    axes.axhline(1.0, color="black", lw=1)
+    axes.axhline(1.1, color="black", lw=1, ls=":")
+    axes.set(xlabel="response at the photodiode, mV", ylabel="variance / Cramer-Rao bound", ylim=(0.8, 60))
+    axes.legend(fontsize=7, ncols=2, loc="center right")
+    figure.savefig(picture, dpi=110)
 
 
 def walk(seed: int, count: int) -> None:
@@ -334,11 +352,12 @@ def main() -> None:
     parser.add_argument("what", choices=("efficiency", "walk", "windows", "throughput"))
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--readings", type=int)
+    parser.add_argument("--picture", type=Path, help="efficiency: draw into this file")
     parser.add_argument("--target", default="hip")
     parser.add_argument("--wanted-mm", type=float, default=0.2)
     given = parser.parse_args()
     if given.what == "efficiency":
-        efficiency(given.seed, given.readings or 1000)
+        efficiency(given.seed, given.readings or 1000, given.picture)
     elif given.what == "walk":
         walk(given.seed, given.readings or 200)
     elif given.what == "windows":

@@ -171,6 +171,7 @@ class Calibration(_Part):
     date: datetime.datetime = Field(description="when it was measured, with time zone")
     provenance: str = Field(min_length=1, description="how it was measured: procedure, target, recording, operator")
     serial_numbers: dict[str, str] = Field(default_factory=dict, description="device name to serial number")
+    diode_degc: float | None = Field(None, description="temperature of the laser diode while it was measured, degC")
 
     range_zero_mm: float = Field(0.0, description="range at zero interval between the two time-significant points, mm")
     walk: dict[Method, Walk] = Field(default_factory=dict, description="timing walk, for each estimator")

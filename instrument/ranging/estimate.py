@@ -14,7 +14,8 @@ from instrument.ranging.pair import mark, to_ranges
 from instrument.ranging.pulses import CoarseTraces, Pulses, coarse_traces, next_pulse
 from instrument.ranging.ranges import Ranges
 from instrument.ranging.settings import RangingSettings
-from instrument.ranging.template import bad_fit, fit_pair, tables
+from instrument.ranging.template import Shapes, bad_fit, fit_pair, shapes_of
+from instrument.ranging.unaided import learn_unaided
 from instrument.scan_line import NO_RANGE, Flag
 
 FloatArray = NDArray[np.float64]
@@ -28,7 +29,7 @@ def estimate(
     traces: FloatArray | Sequence[ArrayLike],
     times_ps: ArrayLike,
     *,
-    method: Method = "half-maximum",
+    method: Method = "template",
     calibration: Calibration | None = None,
     sweeps: ArrayLike = 1,
     clipped: ArrayLike | None = None,
@@ -46,8 +47,10 @@ def estimate(
         Mean traces in mV. A trace of another length than ``times_ps``, or with NaN, is flagged as without reference.
     times_ps : (S,) array
         Sampling instants, evenly spaced.
-    method : {"half-maximum"}
-        The estimator.
+    method : {"template", "half-maximum"}
+        The estimator: the fit of the pulse shapes of the calibration, or the dissertation's 50 % crossing. Without any
+        calibration the shapes are learnt from the records themselves (`learn_unaided`): then a record's range depends
+        on the others of the call.
     calibration : Calibration, optional
         Gives the range zero, the walk correction of this estimator, the noise on the pulses and the place of the
         reference. Without it the range counts from Ti = 0 and every echo is flagged as `Flag.WALK_EXTRAPOLATED`,
@@ -66,13 +69,12 @@ def estimate(
     Raises
     ------
     BadInput
-        When ``times_ps`` is no evenly spaced axis, or ``method``, ``sweeps`` or ``clipped`` do not fit.
+        When ``times_ps`` is no evenly spaced axis, ``method``, ``sweeps`` or ``clipped`` do not fit, or the
+        calibration lacks the templates that its method needs.
     """
     times = _check_times(times_ps)
     if method not in METHODS:
         raise BadInput(f"method {method!r} is not known; use {' or '.join(map(repr, METHODS))}")
-    if method == "template":
-        tables(calibration, float(times[1] - times[0]))  # refuse before the first record
     limits = settings or RangingSettings()
     values, usable = _stack(traces, times.size)
     records = len(values)
@@ -85,8 +87,11 @@ def estimate(
         raise BadInput(f"sweeps must be at least 1, not {np.min(counts):g}")
     if not records or times.size < LEAST_SAMPLES:
         return _nothing(records)
+    shapes: Shapes | None = None
+    if method == "template":
+        shapes = shapes_of(calibration) if calibration else learn_unaided(values, times, limits, counts)
     parts = [
-        _block(values[part], times, usable[part], counts[part], seen_clipped[part], method, calibration, limits)
+        _block(values[part], times, usable[part], counts[part], seen_clipped[part], method, shapes, calibration, limits)
         for part in (slice(first, first + BLOCK) for first in range(0, records, BLOCK))
     ]
     return Ranges.joined(parts)
@@ -99,6 +104,7 @@ def _block(
     sweeps: FloatArray,
     seen_clipped: NDArray[np.bool_],
     method: Method,
+    shapes: Shapes | None,
     calibration: Calibration | None,
     limits: RangingSettings,
 ) -> Ranges:
@@ -115,10 +121,11 @@ def _block(
     lowest, highest = limits.clip_mv
     ends = (traces.min(axis=1) < lowest) | (traces.max(axis=1) > highest)
     mark(flags, Flag.CLIPPED, usable & (seen_clipped | ends))
-    if method == "half-maximum":
-        pair = join(start, stop, coarse)
-    else:
-        pair, fit = fit_pair(traces, times, coarse, start, stop, calibration, sweeps)
+    pair = join(start, stop, coarse)
+    if method == "template" and shapes is None:  # no record has two clear pulses, so there is nothing to fit with
+        mark(flags, Flag.NO_ECHO, (flags & np.uint16(Flag.NO_REFERENCE)) == 0)
+    elif shapes is not None:
+        pair, fit = fit_pair(traces, times, coarse, start, stop, shapes, sweeps)
         mark(flags, Flag.MIXED, ((flags & np.uint16(NO_RANGE)) == 0) & bad_fit(fit, limits))
     return to_ranges(pair, flags, method, calibration, limits)
 

@@ -26,6 +26,7 @@ FloatArray = NDArray[np.float64]
 FROM_PS, TO_PS = -500.0, 1500.0  # extent of the shapes about the 50 % point
 SMOOTH_PS = 100.0  # a polynomial of degree 4 over half the rise time keeps the pulse's form
 LEAST_RECORDS = 20
+LEAST_FLOOR_MV = 1e-3  # traces without any noise: weights must stay finite
 PLACES = 5  # decimals kept of a shape: 1e-5 of the peak, below any noise
 
 
@@ -78,31 +79,41 @@ def learn(
 def learn_noise(levels: Sequence[FloatArray], step_ps: float, sweeps: int) -> ShotNoise:
     """Fit the noise model to the scatter of repeated records, sample by sample.
 
-    The variance of each sample, from the differences of successive records (a slow drift does not count), times the
-    sweeps, is a sum of non-negative multiples of 1, s, s^2 and s'^2, with s the mean and s' its slope; weighted
-    non-negative least squares, the weights from a first fit (the scatter of a variance goes with the variance itself).
+    The variance of a sample is half the mean square of the differences of successive records, so that a slow drift does
+    not count, times the sweeps.
     """
-    window = _odd(SMOOTH_PS / step_ps)
-    terms: list[FloatArray] = []
-    scatter: list[FloatArray] = []
-    for level in levels:
-        mean = savgol_filter(level.mean(axis=0), window, 4)
-        signal = np.maximum(mean - np.median(mean), 0.0)
-        slope = savgol_filter(level.mean(axis=0), window, 4, deriv=1, delta=step_ps)
-        terms.append(np.column_stack([np.ones_like(signal), signal, signal**2, slope**2]))
-        scatter.append(np.mean(np.diff(level, axis=0) ** 2, axis=0) / 2 * sweeps)
-    design, variance = np.concatenate(terms), np.concatenate(scatter)
-    weight = np.full_like(variance, 1.0 / max(float(np.median(variance)), 1e-12))
+    window = smoothing_window(step_ps)
+    signals = [savgol_filter(level.mean(axis=0), window, 4) for level in levels]
+    slopes = [savgol_filter(level.mean(axis=0), window, 4, deriv=1, delta=step_ps) for level in levels]
+    scatter = [np.mean(np.diff(level, axis=0) ** 2, axis=0) / 2 * sweeps for level in levels]
+    above = [signal - np.median(signal) for signal in signals]
+    return fit_noise(np.concatenate(above), np.concatenate(slopes), np.concatenate(scatter))
+
+
+def fit_noise(signal_mv: FloatArray, slope_mv_per_ps: FloatArray, variance_mv2: FloatArray) -> ShotNoise:
+    """Fit the noise model to variances (N,) of samples seen at signals and slopes (N,).
+
+    The variance is a sum of non-negative multiples of 1, s, s^2 and s'^2: weighted non-negative least squares, the
+    weights from the fit before (the scatter of a variance goes with the variance itself).
+    """
+    signal = np.maximum(signal_mv, 0.0)
+    design = np.column_stack([np.ones_like(signal), signal, signal**2, slope_mv_per_ps**2])
+    weight = np.full_like(variance_mv2, 1.0 / max(float(np.mean(variance_mv2)), 1e-12))
     for _ in range(3):
-        solution, _ = nnls(design * weight[:, None], variance * weight)
+        solution, _ = nnls(design * weight[:, None], variance_mv2 * weight)
         weight = 1.0 / np.maximum(design @ solution, 1e-12)
     floor, shot, share, jitter = solution
     return ShotNoise(
-        floor_mv=float(np.sqrt(floor)),
+        floor_mv=max(float(np.sqrt(floor)), LEAST_FLOOR_MV),
         signal_mv=float(shot),
         signal_share=float(np.sqrt(share)),
         jitter_ps=float(np.sqrt(jitter)),
     )
+
+
+def smoothing_window(step_ps: float) -> int:
+    """Return the odd number of samples over which a trace may be smoothed."""
+    return max(7, 2 * round(SMOOTH_PS / step_ps / 2) + 1)
 
 
 def _shapes(
@@ -115,7 +126,7 @@ def _shapes(
             f"needs at least {LEAST_RECORDS} of {times.size} samples"
         )
     mean = level.mean(axis=0, keepdims=True)
-    mean = savgol_filter(mean, _odd(SMOOTH_PS / (times[1] - times[0])), 4, axis=1)
+    mean = savgol_filter(mean, smoothing_window(float(times[1] - times[0])), 4, axis=1)
     coarse = coarse_traces(mean, float(times[1] - times[0]), limits)
     first = next_pulse(coarse, limits)
     second = next_pulse(coarse, limits, first)
@@ -137,7 +148,3 @@ def _shape(spline: CubicSpline, edge: Edges, step_ps: float) -> tuple[FloatArray
     height = float(edge.height_mv[0])
     place = FROM_PS + step_ps * np.arange(int((TO_PS - FROM_PS) / step_ps))
     return np.asarray(spline(edge.time_ps[0] + place) / height, dtype=np.float64), height
-
-
-def _odd(length: float) -> int:
-    return max(7, 2 * round(length / 2) + 1)

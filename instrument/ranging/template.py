@@ -18,24 +18,30 @@ from instrument.ranging.shape_table import ShapeTable
 from instrument.ranging.template_fit import PulseFit, fit_pulses
 
 FloatArray = NDArray[np.float64]
+Shapes = tuple[Templates, ShotNoise]
 
 LEAD_PS, TRAIL_PS = 250.0, 900.0  # piece about the 50 % point that is fitted: from the foot to behind the fall
 
 
-def tables(calibration: Calibration | None, step_ps: float) -> tuple[ShapeTable, ShapeTable]:
-    """Return the look-up tables of reference and echo for a sampling step.
+def shapes_of(calibration: Calibration) -> Shapes:
+    """Return pulse shapes and noise of a calibration.
 
     Raises
     ------
     BadInput
-        When the calibration has no templates or does not know the noise.
+        When it has no templates or does not know the noise.
     """
-    if calibration is None or calibration.templates is None or calibration.noise.floor_mv <= 0:
+    if calibration.templates is None or calibration.noise.floor_mv <= 0:
         raise BadInput(
             "the template estimator needs a calibration with templates and noise floor; "
-            "learn them on the bench (gray-target procedure) or use half-maximum"
+            "learn them on the bench (picoradar bench gray-target) or use half-maximum"
         )
-    return _tables(calibration.templates, calibration.noise, step_ps)
+    return calibration.templates, calibration.noise
+
+
+def tables(shapes: Shapes, step_ps: float) -> tuple[ShapeTable, ShapeTable]:
+    """Return the look-up tables of reference and echo for a sampling step."""
+    return _tables(*shapes, step_ps)
 
 
 @lru_cache(maxsize=16)
@@ -54,7 +60,7 @@ def fit_pair(
     coarse: CoarseTraces,
     start: Edges,
     stop: Edges,
-    calibration: Calibration | None,
+    shapes: Shapes,
     sweeps: FloatArray,
 ) -> tuple[PulsePair, PulseFit]:
     """Fit reference and echo of whole traces, and return the pair and the echo's fit.
@@ -65,7 +71,7 @@ def fit_pair(
     """
     step_ps = float(times_ps[1] - times_ps[0])
     fits, firsts = [], []
-    for table, edges in zip(tables(calibration, step_ps), (start, stop), strict=True):
+    for table, edges in zip(tables(shapes, step_ps), (start, stop), strict=True):
         pieces, first = _cut(traces_mv, times_ps, edges.time_ps)
         guess = np.nan_to_num(edges.time_ps - times_ps[first])
         fits.append(fit_pulses(pieces, table, guess, np.nan_to_num(edges.height_mv, nan=1.0), sweeps))

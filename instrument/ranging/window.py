@@ -12,7 +12,7 @@ from instrument.calibration import Calibration
 from instrument.ranging.pair import to_ranges
 from instrument.ranging.settings import RangingSettings
 from instrument.ranging.shape_table import ShapeTable
-from instrument.ranging.template import LEAD_PS, TRAIL_PS, combine, tables
+from instrument.ranging.template import LEAD_PS, TRAIL_PS, combine, shapes_of, tables
 from instrument.ranging.template_fit import PulseFit
 
 FloatArray = NDArray[np.float64]
@@ -87,8 +87,9 @@ def promised_sd_mm(
     BadInput
         When the calibration has no templates.
     """
-    first = _promise([tables(calibration, w.step_ps)[0] for w in references], references, None, room_ps[0])
-    second = _promise([tables(calibration, w.step_ps)[1] for w in echoes], echoes, response_mv, room_ps[1])
+    shapes = shapes_of(calibration)
+    first = _promise([tables(shapes, w.step_ps)[0] for w in references], references, None, room_ps[0])
+    second = _promise([tables(shapes, w.step_ps)[1] for w in echoes], echoes, response_mv, room_ps[1])
     index = np.indices((len(references), len(echoes))).reshape(2, -1)
     blank = np.zeros(index.shape[1])
     fits = [

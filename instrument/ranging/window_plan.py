@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from instrument.calibration import Calibration
 from instrument.errors import BadInput
 from instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, Ranges
-from instrument.ranging.template import tables
+from instrument.ranging.template import shapes_of
 from instrument.ranging.window import Place, Window, promised_sd_mm
 from instrument.scan_line import NO_RANGE, Flag
 
@@ -95,7 +95,7 @@ class WindowPlanner:
     settings: PlanSettings = field(default_factory=PlanSettings)
 
     def __post_init__(self) -> None:
-        tables(self.calibration, self.settings.steps_ps[0])
+        shapes_of(self.calibration)
         self._reference = self._calibrated_reference()
         blank = np.full(self.columns, np.nan)
         self._echo_ps: list[FloatArray] = [blank, blank]  # the last line, and the one before

@@ -15,7 +15,7 @@ from instrument.ranging.pair import PulsePair, mark, mark_misplaced, share_refer
 from instrument.ranging.ranges import Ranges
 from instrument.ranging.settings import RangingSettings
 from instrument.ranging.shape_table import ShapeTable
-from instrument.ranging.template import LEAD_PS, TRAIL_PS, bad_fit, combine, tables, unreliable
+from instrument.ranging.template import LEAD_PS, TRAIL_PS, bad_fit, combine, shapes_of, tables, unreliable
 from instrument.ranging.template_fit import PulseFit, fit_pulses
 from instrument.ranging.window import Place, Window
 from instrument.scan_line import Flag
@@ -192,8 +192,8 @@ def _block(
     calibration: Calibration,
     limits: RangingSettings,
 ) -> tuple[PulsePair, FlagArray]:
-    first_fit, first_ps, no_reference = _fit(reference, tables(calibration, reference.step_ps)[0], limits)
-    second_fit, second_ps, no_echo = _fit(echo, tables(calibration, echo.step_ps)[1], limits)
+    first_fit, first_ps, no_reference = _fit(reference, tables(shapes_of(calibration), reference.step_ps)[0], limits)
+    second_fit, second_ps, no_echo = _fit(echo, tables(shapes_of(calibration), echo.step_ps)[1], limits)
     flags = np.zeros(len(reference.values_mv), dtype=np.uint16)
     mark(flags, Flag.NO_REFERENCE, no_reference | bad_fit(first_fit, limits))
     mark(flags, Flag.NO_ECHO, no_echo & ~no_reference)

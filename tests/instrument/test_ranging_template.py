@@ -115,9 +115,29 @@ def test_what_has_no_pulses_is_flagged_as_before(receiver: Receiver, calibrated:
 
 def test_it_says_what_it_needs(receiver: Receiver, calibrated: Calibration) -> None:
     traces = receiver.traces(receiver.times_ps, INTERVAL, 45.0, records=1, seed=5)
-    for lacking in (None, calibrated.model_copy(update={"templates": None})):
-        with pytest.raises(BadInput, match="calibration with templates"):
-            estimate(traces, receiver.times_ps, method="template", calibration=lacking)
+    with pytest.raises(BadInput, match="calibration with templates"):
+        estimate(traces, receiver.times_ps, calibration=calibrated.model_copy(update={"templates": None}))
+
+
+@pytest.mark.parametrize("records", [1, 5, 400])
+def test_without_any_calibration_the_records_themselves_give_the_shapes(receiver: Receiver, records: int) -> None:
+    traces = receiver.traces(receiver.times_ps, INTERVAL, 45.0, records=records, sweeps=8, seed=14)
+    found = estimate(traces, receiver.times_ps, sweeps=8)
+    assert set(found.flags) == {np.uint16(Flag.WALK_EXTRAPOLATED)}
+    np.testing.assert_allclose(found.range_mm, receiver.range_mm(INTERVAL), atol=1.0)
+    assert found.response_mv.mean() == pytest.approx(45.0, rel=0.01)
+    if records == 400:
+        assert found.range_mm.std() < 0.08
+        spread = found.range_mm - found.range_mm.mean()
+        assert np.mean(spread**2 / found.variance_mm2) == pytest.approx(1.0, abs=0.25)
+
+
+def test_without_any_calibration_and_any_pulse_there_is_no_range(receiver: Receiver) -> None:
+    times = receiver.times_ps
+    nothing = np.vstack([np.zeros(times.size), np.random.default_rng(1).normal(0, 0.6, times.size)])
+    assert set(estimate(nothing, times).flags) == {np.uint16(Flag.NO_REFERENCE)}
+    alone = nothing[1:] + receiver.pulse(times - receiver.reference_ps, 45.0)
+    assert set(estimate(alone, times).flags) == {np.uint16(Flag.NO_ECHO)}
 
 
 def test_templates_survive_the_file(receiver: Receiver, calibrated: Calibration, tmp_path: Any) -> None:
