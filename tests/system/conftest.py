@@ -1,0 +1,99 @@
+"""A whole radar on the simulated bench, small enough to be scanned in a moment."""
+
+from __future__ import annotations
+
+import io
+import logging
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from drivers.clock import VirtualClock
+from drivers.sbp import Gate
+from instrument import events
+from instrument.cli.session import calibration_of
+from instrument.controller import Controller, ScanOutcome
+from instrument.devices import make_bench
+from instrument.recording import Recording
+from instrument.scan import RasterScan
+from instrument.scan_line import ScanLine
+from instrument.settings import Links, Settings, override
+from sim import SimulatedBench
+
+
+@dataclass
+class Radar:
+    """A simulated bench and the controller that runs it."""
+
+    settings: Settings
+    folder: Path
+    clock: VirtualClock = field(default_factory=VirtualClock)
+    scans: int = 0
+
+    def __post_init__(self) -> None:
+        self.sim = SimulatedBench({"target": "hip"}, seed=self.settings.seed, clock=self.clock)
+        self.bench = make_bench(Links(**self.sim.urls), self.clock, self.sim.usb_backend)
+        self.controller = Controller(self.bench, self.settings)
+
+    @property
+    def lit(self) -> bool:
+        """Get whether triggers reach a pulser that has voltage, by the bench itself."""
+        open_gate = self.sim.bridge.gate.state is Gate.ON
+        return open_gate and self.sim.trigger.rate_hz > 0 and self.sim.genesys.output_v() > 200.0
+
+    def job(self) -> RasterScan:
+        return RasterScan(self.settings, calibration_of(self.settings), self.clock)
+
+    def recording(self) -> Recording:
+        job = self.job()
+        sampler = self.bench.sampler
+        header = job.header({}, seed=1, zero_code=sampler.zero_code, mv_per_code=sampler.mv_per_code)
+        self.scans += 1
+        return Recording.create(self.folder / f"scan{self.scans}.db", header)
+
+    def get_ready(self) -> None:
+        self.controller.connect()
+        self.controller.warm_up()
+
+    def scan(self, *sinks: Callable[[ScanLine], None], store: Any = None) -> ScanOutcome:
+        """Scan into a recording (the last is ``scan<n>.db`` in the folder), or into another store."""
+        if store is not None:
+            return self.controller.scan(self.job(), store, sinks)
+        with self.recording() as recording:
+            return self.controller.scan(self.job(), recording, sinks)
+
+    def last_recording(self) -> Recording:
+        return Recording.open(self.folder / f"scan{self.scans}.db")
+
+
+SMALL = {"scan": {"rows": 4, "columns": 3}, "diode": {"warm_up_limit_s": 120.0}}
+
+
+@pytest.fixture(autouse=True)
+def _quiet() -> None:
+    events.configure(logging.CRITICAL, io.StringIO())
+
+
+@pytest.fixture
+def make_radar(tmp_path: Path) -> Iterator[Callable[..., Radar]]:
+    made: list[Radar] = []
+
+    def make(changes: dict[str, Any] | None = None) -> Radar:
+        settings = override(override(Settings(), SMALL), changes or {})
+        made.append(Radar(settings, tmp_path))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.sim.close()
+
+
+@pytest.fixture
+def radar(make_radar: Callable[..., Radar]) -> Radar:
+    """Give a radar that is warm and ready to scan."""
+    one = make_radar()
+    one.get_ready()
+    return one

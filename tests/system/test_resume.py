@@ -1,0 +1,113 @@
+"""A scan that was broken off, in whatever way, goes on to the same bytes as one that was not."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from instrument.cli.main import run
+from instrument.recording import Recording, RecordingError
+
+SCAN = ("scan", "--grid", "6x5", "--seed", "4", "--json")
+
+
+def content(path: Path) -> list[bytes]:
+    """Everything that a scan is about: raw traces, points, covariance, flags; not when it was taken."""
+    with Recording.open(path) as recording:
+        lines = list(recording.lines())
+        cloud = recording.cloud()
+    names = ("points_mm", "covariance_mm2", "range_mm", "range_variance_mm2", "response_mv", "flags", "rows", "columns")
+    return [line.sums.tobytes() for line in lines] + [np.ascontiguousarray(getattr(cloud, n)).tobytes() for n in names]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> list[bytes]:
+    path = tmp_path_factory.mktemp("whole") / "scan.db"
+    assert run([*SCAN, "-o", str(path)]) == 0
+    return content(path)
+
+
+def start(path: Path, lines: int) -> subprocess.Popen[str]:
+    """Start a scan in a process of its own, slowly, and wait until some lines are in its recording."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "instrument.cli", *SCAN, "--speed", "25", "-o", str(path)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"},
+    )  # fmt: skip
+    end = time.monotonic() + 40
+    while time.monotonic() < end and process.poll() is None:
+        try:
+            with Recording.open(path) as recording:
+                if len(recording.done) >= lines:
+                    return process
+        except RecordingError:
+            pass
+        time.sleep(0.02)
+    process.kill()
+    raise AssertionError(f"no {lines} lines: {process.communicate()}")
+
+
+def goes_on(path: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, object]:
+    capsys.readouterr()
+    code = run(["resume", str(path), "--json"])
+    out = capsys.readouterr()
+    assert code == 0, out.err
+    result: dict[str, object] = json.loads(out.out)
+    assert result["lines"] == 6
+    assert result["laser_off_verified"] is True
+    return result
+
+
+@pytest.mark.parametrize("stop_after", [0, 2, 4])
+def test_an_aborted_scan_goes_on_to_the_same_bytes(
+    stop_after: int, whole: list[bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "scan.db"
+    fault = tmp_path / "emergency.json"  # the interlock opens in the middle of a line
+    at = {"pulse": 1 + (5 * stop_after + 3) * 8 * 1446}
+    fault.write_text(json.dumps({"fault": [{"kind": "interlock_opened", "at": at}]}), encoding="utf-8")
+    assert run([*SCAN, "-o", str(path), "--faults", str(fault)]) == 4
+    with Recording.open(path) as broken_off:
+        assert broken_off.done == list(range(stop_after))
+        assert broken_off.laser_off_verified
+        assert broken_off.header["faults"][0]["kind"] == "interlock_opened"
+    assert goes_on(path, capsys)["lines_taken"] == 6 - stop_after
+    assert content(path) == whole
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_a_killed_scan_goes_on_to_the_same_bytes(
+    number: signal.Signals, whole: list[bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "scan.db"
+    process = start(path, lines=2)
+    process.send_signal(number)
+    out, err = process.communicate(timeout=30)
+    if number is signal.SIGKILL:
+        assert process.returncode == -signal.SIGKILL
+    else:
+        assert process.returncode == 130, err
+        assert json.loads(out)["exit_status"] == 130
+        assert "laser off verified" in err
+    with Recording.open(path) as broken_off:
+        kept = broken_off.done
+        assert len(kept) >= 2
+        assert all(line.ok for line in broken_off.check())
+        assert broken_off.laser_off_verified is (None if number is signal.SIGKILL else True)
+    assert goes_on(path, capsys)["lines_taken"] == 6 - len(kept)
+    assert content(path) == whole
+
+
+def test_a_whole_scan_is_not_gone_on_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "scan.db"
+    assert run(["scan", "--grid", "2x2", "-o", str(path), "--json"]) == 0
+    assert run(["resume", str(path)]) == 2
+    assert "holds all its lines" in capsys.readouterr().err
+    assert run(["resume", str(tmp_path / "nothing.db")]) == 2
