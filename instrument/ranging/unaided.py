@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from instrument.calibration import PEAK_ROOM_PS, ShotNoise, Templates
-from instrument.ranging.half_maximum import Edges, half_maximum
+from instrument.ranging.half_maximum import half_maximum
 from instrument.ranging.learning import FROM_PS, PLACES, TO_PS, fit_noise, smoothing_window
 from instrument.ranging.pulses import coarse_traces, next_pulse
 from instrument.ranging.settings import RangingSettings
@@ -16,16 +16,17 @@ from instrument.ranging.settings import RangingSettings
 FloatArray = NDArray[np.float64]
 
 MOST_RECORDS = 256
+RUNG_LOG = 0.25  # responses within a quarter share one shape
 
 
 def learn_unaided(
     traces_mv: FloatArray, times_ps: FloatArray, settings: RangingSettings, sweeps: FloatArray
 ) -> tuple[Templates, ShotNoise] | None:
-    """Learn one shape for the reference and one for the echo, and the noise, from records of any target.
+    """Learn the shape of the reference, those of echoes of similar response, and the noise, from records of any target.
 
-    Each record is laid over the others by its half-maximum points, which blurs the shapes by their uncertainty; all
-    responses share one shape. So this is the second best: a bench procedure (`learn`) knows the shape at each
-    response. The noise is what a smoothing polynomial leaves of each trace, sample by sample.
+    Each record is laid over the others by its half-maximum points, which blurs the shapes by their uncertainty, and of
+    few records the shapes keep some noise. So this is second best after a bench procedure (`learn`). The noise is what
+    a smoothing polynomial leaves of each trace, sample by sample.
 
     Parameters
     ----------
@@ -56,26 +57,28 @@ def learn_unaided(
     if reach < PEAK_ROOM_PS + step_ps:
         return None
     lifted = traces - coarse.baseline_mv[:, None]
-    shapes = [_shape(lifted[clear], times_ps, edge, clear, reach) for edge in edges]
+    height, response = edges[0].height_mv, edges[1].height_mv
+    rung = np.floor(np.log(np.where(clear, response, 1.0)) / RUNG_LOG)
+    rungs = [clear & (rung == r) for r in np.unique(rung[clear])]
     templates = Templates(
         start_ps=FROM_PS,
         step_ps=step_ps,
-        reference=shapes[0],
-        reference_mv=float(np.median(edges[0].height_mv[clear])),
-        response_mv=(float(np.median(edges[1].height_mv[clear])),),
-        echoes=(shapes[1],),
+        reference=_shape(lifted, times_ps, edges[0].time_ps, clear, reach),
+        reference_mv=float(height[clear].mean()),
+        response_mv=tuple(float(response[some].mean()) for some in rungs),
+        echoes=tuple(_shape(lifted, times_ps, edges[1].time_ps, some, reach) for some in rungs),
     )
     return templates, _noise(lifted[clear], step_ps, sweeps[chosen][clear])
 
 
 def _shape(
-    traces: FloatArray, times: FloatArray, edges: Edges, clear: NDArray[np.bool_], reach_ps: float
+    traces: FloatArray, times: FloatArray, edges_ps: FloatArray, chosen: NDArray[np.bool_], reach_ps: float
 ) -> tuple[float, ...]:
     """Return the mean pulse of unit peak with its 50 % point at 0."""
     step_ps = float(times[1] - times[0])
     place = FROM_PS + step_ps * np.arange(int((reach_ps - FROM_PS) / step_ps))
     total = np.sum(
-        [np.interp(edge + place, times, trace) for edge, trace in zip(edges.time_ps[clear], traces, strict=True)],
+        [np.interp(edge + place, times, trace) for edge, trace in zip(edges_ps[chosen], traces[chosen], strict=True)],
         axis=0,
     )
     spline = CubicSpline(place, savgol_filter(total, smoothing_window(step_ps), 4))
