@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,7 +14,10 @@ from instrument.errors import BadInput
 if TYPE_CHECKING:
     from instrument.cli.session import Session
     from instrument.procedures.outcome import Outcome
-    from instrument.procedures.station import Station
+    from instrument.procedures.station import Progress, Station
+    from instrument.settings import Settings
+
+NAMES = ("transmitter", "distance", "gray-target", "templates", "scanner", "geometry", "prism", "drift")
 
 
 def add_to(app: typer.Typer) -> None:
@@ -24,11 +28,18 @@ def add_to(app: typer.Typer) -> None:
 
 
 def bench(
-    name: Annotated[str, typer.Argument(help="Procedure: " + ", ".join(("gray-target", "distance", "prism")) + ".")],
+    name: Annotated[str, typer.Argument(help="Procedure: " + ", ".join(NAMES) + ".")],
     settings: options.SettingsFile = None,
     seed: options.Seed = None,
     averages: options.Averages = None,
     speed: options.Speed = "max",
+    faults: options.Faults = None,
+    hidden_errors: Annotated[
+        bool, typer.Option("--hidden-errors", help="Simulated bench: give the scanner errors drawn from the seed.")
+    ] = False,
+    date: Annotated[
+        str | None, typer.Option(help="Date that a new calibration carries, for example 2026-01-31T12:00:00Z.")
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Report folder to make (must not exist).")] = None,
     json: options.Json = False,
 ) -> None:
@@ -39,23 +50,12 @@ def bench(
 
     if name not in PROCEDURES:
         raise BadInput(f"bench {name!r}: no such procedure; there are {', '.join(PROCEDURES)}")
-    wanted = options.scan_settings(
-        settings,
-        seed=seed,
-        target="plate" if settings is None else None,
-        target_pose=None,
-        distance_mm=None,
-        grid=None,
-        step_mm=None,
-        averages=averages,
-        prf_hz=None,
-        mode=None,
-        estimator=None,
-    )
+    stamp = _date(date)
+    wanted = _settings(settings, seed, averages, hidden_errors)
     folder = _new_folder(out or Path(f"picoradar-{name}"))
-    with session.session(wanted, options.parse_speed(speed)) as run:
+    with session.session(wanted, options.parse_speed(speed), faults=faults) as run:
         session.warm_up(run)
-        outcome = _measure(run, folder, name)
+        outcome = _measure(run, folder, name, stamp)
     result = write_outcome(folder, outcome, settings=wanted, seed=wanted.seed if run.simulated is not None else None)
     if json:
         output.print_json(result)
@@ -65,7 +65,38 @@ def bench(
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
 
 
-def _measure(run: Session, folder: Path, name: str) -> Outcome:
+def _settings(file: Path | None, seed: int | None, averages: int | None, hidden_errors: bool) -> Settings:
+    from instrument.cli.stages import with_hidden_errors
+
+    wanted = options.scan_settings(
+        file,
+        seed=seed,
+        target="plate" if file is None else None,
+        target_pose=None,
+        distance_mm=None,
+        grid=None,
+        step_mm=None,
+        averages=averages,
+        prf_hz=None,
+        mode="sweep",  # procedures keep whole traces
+        estimator=None,
+    )
+    return with_hidden_errors(wanted) if hidden_errors else wanted
+
+
+def _date(text: str | None) -> datetime.datetime | None:
+    if text is None:
+        return None
+    try:
+        date = datetime.datetime.fromisoformat(text)
+    except ValueError as error:
+        raise BadInput(f"--date {text!r}: {error}; write it like 2026-01-31T12:00:00Z") from error
+    if date.tzinfo is None:
+        raise BadInput(f"--date {text!r}: needs a time zone; write it like 2026-01-31T12:00:00Z")
+    return date
+
+
+def _measure(run: Session, folder: Path, name: str, date: datetime.datetime | None) -> Outcome:
     from instrument.procedures import PROCEDURES
 
     with output.progress() as bar:
@@ -74,17 +105,26 @@ def _measure(run: Session, folder: Path, name: str) -> Outcome:
         def show(share: float, note: str) -> None:
             bar.update(task, completed=100 * share, note=note)
 
-        outcome = PROCEDURES[name](_station(run, folder, show))
+        outcome = PROCEDURES[name](_station(run, folder, show, date))
         bar.update(task, completed=100, note="done")
         return outcome
 
 
-def _station(run: Session, folder: Path, progress: object) -> Station:
+def _station(run: Session, folder: Path, progress: Progress, date: datetime.datetime | None) -> Station:
     from instrument.cli.stages import PersonStage, SimulatedStage
     from instrument.procedures.station import Station
 
     stage = PersonStage() if run.simulated is None else SimulatedStage(run.simulated)
-    return Station(run.controller, run.settings, run.calibration, run.identities, stage, folder, progress)  # type: ignore[arg-type]
+    return Station(
+        run.controller,
+        run.settings,
+        run.calibration,
+        run.identities,
+        stage,
+        folder,
+        progress,
+        date,
+    )
 
 
 def _new_folder(folder: Path) -> Path:

@@ -4,11 +4,39 @@ from __future__ import annotations
 
 import sys
 
+import numpy as np
+
 from instrument.cli.simulated import Simulated
 from instrument.errors import BadInput
 from instrument.procedures.stage import Placing
+from instrument.settings import Settings, override
 
 _BODIES = {"card": "plate", "scale": "plate", "plate": "plate", "prism": "prism", "step": "step"}
+
+
+HIDDEN = {
+    "mirror_separation_mm": (27.0, 33.0),
+    "x_scale_error": (-0.01, 0.01),
+    "y_scale_error": (-0.01, 0.01),
+    "x_offset_deg": (-0.5, 0.5),
+    "y_offset_deg": (-0.5, 0.5),
+    "non_orthogonality_deg": (-0.3, 0.3),
+}
+"""Errors of a simulated scanner that a procedure must find, each drawn between two bounds."""
+
+
+def with_hidden_errors(settings: Settings) -> Settings:
+    """Return the settings of a simulated bench with errors of the scanner that are drawn from its seed.
+
+    Raises
+    ------
+    BadInput
+        When the settings have real devices.
+    """
+    if settings.bench != "simulated":
+        raise BadInput("--hidden-errors is for the simulated bench; this settings file has real devices")
+    rng = np.random.default_rng([settings.seed, len(HIDDEN)])
+    return override(settings, {"simulation": {name: float(rng.uniform(*bounds)) for name, bounds in HIDDEN.items()}})
 
 
 class SimulatedStage:

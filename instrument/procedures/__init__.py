@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from instrument.procedures import gray_target
+from instrument.procedures import geometry, gray_target
 from instrument.procedures.outcome import Outcome
 from instrument.procedures.station import Station
 
-PROCEDURES: dict[str, Callable[[Station], Outcome]] = {gray_target.NAME: gray_target.run}
+PROCEDURES: dict[str, Callable[[Station], Outcome]] = {
+    gray_target.NAME: gray_target.run,
+    geometry.NAME: geometry.run,
+}
 
 __all__ = ["PROCEDURES", "Outcome", "Station"]
