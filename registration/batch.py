@@ -17,6 +17,9 @@ from registration.rigid import rotation_from_vector
 GRAZING = np.float32(0.25)
 """Smallest cosine between beam and normal that a residual along the beam is stretched by."""
 
+RIDGE = np.array([0.04, 0.04, 0.04, 1e-4, 1e-4, 1e-4])
+"""Stiffness a point (rad^-2, mm^-2) that holds motions which the surface leaves free; too small to slow others."""
+
 MAX_TURN_RAD = 0.2
 """Largest rotation of one step."""
 
@@ -139,7 +142,7 @@ def step(poses: Poses, found: Sampled, weights: Float32Array, damping: float = 1
     normal = np.matmul(rows, rows.transpose(0, 2, 1)).astype(np.float64)
     matrix, right = normal[:, :6, :6].copy(), normal[:, :6, 6]
     diagonal = np.einsum("kii->ki", matrix)
-    diagonal += damping * diagonal + 1e-6 * size
+    diagonal += damping * diagonal + size * RIDGE
     motion = -np.linalg.solve(matrix, right[..., None])[..., 0]
     turn = np.linalg.norm(motion[:, :3], axis=1)
     motion *= np.minimum(1.0, MAX_TURN_RAD / np.maximum(turn, 1e-12))[:, None]

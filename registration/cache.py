@@ -27,7 +27,7 @@ from registration.field import DistanceField
 from registration.mesh import MeshReport
 from registration.views import View
 
-VERSION = 1
+VERSION = 2
 """Raised whenever preparation or the file's layout changes."""
 
 Prepared = tuple[FloatArray, IntArray, MeshReport, tuple[View, ...]]
@@ -75,7 +75,7 @@ def store(key: str, prepared: Prepared) -> None:
     header = json.dumps({"report": asdict(report), "views": len(views)})
     arrays: dict[str, npt.NDArray[Any]] = {"header": np.array(header), "vertices": vertices, "faces": faces}
     for index, view in enumerate(views):
-        arrays[f"place{index}"] = np.concatenate([view.centre, [view.radius_mm], view.axis])
+        arrays[f"place{index}"] = np.concatenate([view.centre, [view.radius_mm], view.axis, [view.whole]])
         for name, field in (("fine", view.fine), ("coarse", view.coarse)):
             arrays[f"{name}{index}"] = field.nodes
             arrays[f"{name}_grid{index}"] = np.concatenate([field.low, [field.step_mm], field.shape])
@@ -109,4 +109,4 @@ def _view(stored: Mapping[str, Any], index: int) -> View:
         if nodes.shape != (shape[0] * shape[1] * shape[2], 4):
             raise ValueError(f"field {name} has {nodes.shape} nodes for a grid of {shape}")
         fields.append(DistanceField(low=grid[:3], step_mm=float(grid[3]), shape=shape, nodes=nodes))
-    return View(centre=place[:3], radius_mm=float(place[3]), axis=place[4:], fine=fields[0], coarse=fields[1])
+    return View(place[:3], float(place[3]), place[4:7], fields[0], fields[1], whole=bool(place[7]))

@@ -25,6 +25,9 @@ REWEIGHTED_STEPS = 5
 RESTING_MM = 0.05
 """The finish ends when the points' root mean square motion is below this; the tangent planes then hold."""
 
+RIDGE = np.array([25.0, 25.0, 25.0, 0.04, 0.04, 0.04])
+"""A step is a priori within 0.2 rad and 5 mm: motions that the surface leaves free stay where they are."""
+
 MAX_QUERIES = 4
 """Queries of closest points at most."""
 
@@ -147,5 +150,5 @@ class _Tangent:
     def solve(self, weight: FloatArray) -> FloatArray:
         """Weighted least-squares motion (6,)."""
         normal = (self.rows * weight[:, None]).T @ self.rows
-        normal += 1e-9 * np.diag(np.diag(normal) + 1e-9)
+        normal += np.diag(RIDGE)
         return np.asarray(-np.linalg.solve(normal, self.rows.T @ (weight * self.closest.signed_mm)))

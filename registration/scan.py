@@ -57,7 +57,7 @@ def checked_scan(
     Raises
     ------
     PointsError
-        For wrong shapes, fewer than six points, NaN or infinite values, or a point at the scanner's origin.
+        For wrong shapes or units, fewer than six points, NaN or infinite values, or a point at the scanner's origin.
     DegenerateError
         For points on one line.
     """
@@ -74,6 +74,9 @@ def checked_scan(
         )
     if len(p) < MIN_POINTS:
         raise PointsError(f"{len(p)} points: a pose has six unknowns, so at least {MIN_POINTS} points are needed")
+    extent = float(np.ptp(p, axis=0).max())
+    if extent < 1.0:
+        raise PointsError(f"the cloud measures {extent:.3g} across: it seems to be in metres; scale it by 1000 to mm")
     spread = np.linalg.svd(p - p.mean(axis=0), compute_uv=False)
     if spread[1] <= 1e-6 * spread[0]:
         raise DegenerateError("all points lie on one line: the rotation about it is free; scan an area")

@@ -20,6 +20,7 @@ from registration.scan import Scan
 from registration.seeds import rotations_in_cone, rotations_near
 from registration.tissue import neighbours
 from registration.views import SHELL_CONE_DEG, View, start_view
+from registration.visibility import visible_centroids
 
 STARTS = 256
 """Rotations that enter one race."""
@@ -84,8 +85,11 @@ class Search:
 
     @cached_property
     def centres(self) -> list[list[FloatArray]]:
-        """Centres of each view's sphere in the scanner frame."""
-        return [sphere_centres(self.scan.points, self.towards, view.radius_mm) for view in self.model.views]
+        """Centres of each view's sphere in the scanner frame; of the whole model, the cloud's middle."""
+        return [
+            [self.middle] if view.whole else sphere_centres(self.scan.points, self.towards, view.radius_mm)
+            for view in self.model.views
+        ]
 
     def from_anywhere(self) -> list[Candidate]:
         """Distinct minima, best first; races are run until the best one is sure.
@@ -93,10 +97,8 @@ class Search:
         Raises
         ------
         StartError
-            If the model has no hollow region, or its sphere fits nowhere.
+            If the sphere of the model's socket fits nowhere.
         """
-        if not self.model.views:
-            raise StartError("the model has no hollow, socket-like region to search from anywhere: give landmarks")
         if not any(self.centres):
             raise StartError("no sphere of the model's socket fits the points: give landmarks or a pose to start from")
         found: list[Candidate] = []
@@ -117,6 +119,10 @@ class Search:
         return self._finishers(view, centre, order, rotations, np.zeros((STARTS, 3)))
 
     def _raced(self, view: View, centres: list[FloatArray], draw: int) -> list[Candidate]:
+        if view.whole:
+            rotations = rotations_in_cone(view.axis, self.towards, 180.0, STARTS, draw * STARTS)
+            shifts = visible_centroids(self.model.surface, rotations @ self.towards) - view.centre
+            return self._finishers(view, centres[0], shuffle(len(self.scan), draw), rotations, shifts)
         rotations = rotations_in_cone(view.axis, self.towards, SHELL_CONE_DEG + 5.0, STARTS, draw * STARTS)
         offsets = np.array(centres)[np.arange(STARTS) % len(centres)] - centres[0]
         shifts = np.asarray(-(rotations @ offsets[..., None])[..., 0], dtype=np.float64)
@@ -144,7 +150,7 @@ class Search:
         towards = _unit(transform(start, self.scan.origin[None])[0] - middle)
         for view in self.model.views:
             near = np.linalg.norm(aimed - view.centre, axis=1) < 1.5 * view.radius_mm
-            if near.mean() > 0.8 and towards @ view.axis > np.cos(np.radians(SHELL_CONE_DEG)):
+            if not view.whole and near.mean() > 0.8 and towards @ view.axis > np.cos(np.radians(SHELL_CONE_DEG)):
                 return view
         reach = float(np.linalg.norm(aimed - middle, axis=1).max()) + 15.0
         return start_view(self.model.surface, middle, towards, reach)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from registration._types import FloatArray
+from registration.errors import StartError
 from registration.field import DistanceField, build_fields
 from registration.sockets import Socket, find_sockets
 from registration.surface import Surface, part
@@ -21,6 +22,9 @@ REACH_MM = 26.0
 
 MARGIN_MM = 10.0
 """Room about the bone, so that tissue in front of it lies inside the fields."""
+
+WHOLE_STEPS = 90
+"""Nodes along the longest edge of a whole model's field."""
 
 SHELL_CONE_DEG = 30.0
 """A shell holds what can be seen from directions within this angle of the view's axis."""
@@ -40,6 +44,8 @@ class View:
         Unit vector through the middle of the opening, towards where a scanner would be.
     fine, coarse : DistanceField
         Of the visible shell, about `centre`.
+    whole : bool
+        The view is the whole model, seen from any side; then `radius_mm` and `axis` mean nothing.
     """
 
     centre: FloatArray
@@ -47,11 +53,22 @@ class View:
     axis: FloatArray
     fine: DistanceField
     coarse: DistanceField
+    whole: bool = False
 
 
 def make_views(surface: Surface) -> tuple[View, ...]:
-    """Find the sockets of a surface and prepare a view of each; empty when there is none."""
-    return tuple(socket_view(surface, socket) for socket in find_sockets(surface))
+    """Find the sockets of a surface and prepare a view of each; without any, one view of the whole model."""
+    return tuple(socket_view(surface, socket) for socket in find_sockets(surface)) or (whole_view(surface),)
+
+
+def whole_view(surface: Surface) -> View:
+    """Prepare the view of a whole model, seen from any side, with a step that suits its size."""
+    low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
+    centre = (low + high) / 2.0
+    moved = Surface(surface.vertices - centre, surface.faces)
+    step = max(1.0, float((high - low).max()) / WHOLE_STEPS)
+    fine, coarse = build_fields(moved, low - centre - MARGIN_MM, high - centre + MARGIN_MM, step_mm=step)
+    return View(centre, float("inf"), np.array([0.0, 0.0, 1.0]), fine, coarse, whole=True)
 
 
 def socket_view(surface: Surface, socket: Socket) -> View:
@@ -67,7 +84,10 @@ def start_view(surface: Surface, centre: FloatArray, axis: FloatArray, reach_mm:
 
 def _view(surface: Surface, centre: FloatArray, radius: float, axis: FloatArray, reach: float) -> View:
     near = np.linalg.norm(surface.vertices - centre, axis=1) < reach + MARGIN_MM
-    cropped = part(surface, near[surface.faces].any(axis=1))
+    asked = near[surface.faces].any(axis=1)
+    if not asked.any():
+        raise StartError("the start pose aims beside the model: no part of it is within reach of the points")
+    cropped = part(surface, asked)
     shell = visible_shell(surface, axis, SHELL_CONE_DEG, only=cropped)
     shell = Surface(shell.vertices - centre, shell.faces)
     inside = shell.vertices[np.linalg.norm(shell.vertices, axis=1) < reach]
