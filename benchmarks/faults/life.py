@@ -312,14 +312,17 @@ def _judge(result: Result, life: Life) -> None:
 
 
 def _time_to_dark(result: Result, life: Life) -> None:
-    struck, dark = result.struck_s, life.meter.dark_since_s
-    if struck is None or dark < struck or result.state == "ready":
+    """Find how long light went on after the fault, and after the first sign of it."""
+    struck = result.struck_s
+    if struck is None or (result.state == "ready" and not result.suspensions):
         return
-    result.fault_to_dark_s = dark - struck
-    seen = min([t for t, _ in life.errors if struck <= t] + [t for t in life.off_s if t >= struck], default=None)
-    last = [t for t in (*[t for t, _ in life.errors], *life.off_s) if struck <= t <= dark]
-    if seen is not None:
-        result.seen_to_dark_s = max(0.0, dark - seen) if last else 0.0
+    signs = sorted([t for t, _ in life.errors] + life.off_s)
+    for on_s, off_s in life.meter.times:
+        if on_s <= struck <= off_s:
+            result.fault_to_dark_s = off_s - struck
+        seen = [t for t in signs if max(on_s, struck) <= t <= off_s]
+        if seen:
+            result.seen_to_dark_s = max(result.seen_to_dark_s or 0.0, off_s - seen[0])
 
 
 def _check_recording(result: Result, life: Life) -> None:

@@ -16,17 +16,14 @@ class LightMeter:
 
     Attributes
     ----------
-    dark_since_s : float
-        When the light went out last.
-    lit : bool
-        Whether there is light now.
+    times : list of (float, float)
+        When light began and ended.
     """
 
     def __init__(self, bench: SimulatedBench) -> None:
         self._bench = bench
-        self.lit = False
-        self.dark_since_s = 0.0
-        self.gate_open_in: set[str] = set()
+        self._since_s: float | None = None
+        self.times: list[tuple[float, float]] = []
         self._look()
 
     def is_lit(self) -> bool:
@@ -37,9 +34,11 @@ class LightMeter:
 
     def _look(self) -> None:
         lit, now_s = self.is_lit(), self._bench.clock.now()
-        if self.lit and not lit:
-            self.dark_since_s = now_s
-        self.lit = lit
+        if lit and self._since_s is None:
+            self._since_s = now_s
+        elif not lit and self._since_s is not None:
+            self.times.append((self._since_s, now_s))
+            self._since_s = None
         self._bench.clock.call_at(now_s + (POLL_LIT_S if lit else POLL_DARK_S), self._look)
 
 
