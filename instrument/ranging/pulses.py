@@ -95,7 +95,7 @@ def coarse_traces(traces_mv: FloatArray, step_ps: float, settings: RangingSettin
     middle = np.median(means, axis=1)
     jumps = np.diff(cut, axis=1)
     jumps *= jumps
-    scatter = np.add.reduceat(jumps, np.arange(bins) * width, axis=1)[:, : bins - 1] / (2 * width)
+    scatter = jumps[:, : (bins - 1) * width].reshape(records, bins - 1, width).sum(axis=2) / (2 * width)
     typical = np.median(scatter, axis=1)
     quiet = np.abs(means - middle[:, None]) < _significant(np.sqrt(typical), width, settings)[:, None]
     quiet[:, -1] = False

@@ -16,6 +16,7 @@ from instrument.ranging.settings import RangingSettings
 FloatArray = NDArray[np.float64]
 
 MOST_RECORDS = 256
+COARSEST_PS = 50.0  # a quarter of the rise time
 RUNG_LOG = 0.25  # responses within a quarter share one shape
 
 
@@ -37,7 +38,8 @@ def learn_unaided(
 
     Returns
     -------
-    Templates and ShotNoise, or None when no record has two clear pulses that stand apart.
+    Templates and ShotNoise, or None when no record has two clear pulses that stand apart, or the
+    sampling is too coarse to show their shape.
     """
     chosen = np.unique(np.linspace(0, len(traces_mv) - 1, min(len(traces_mv), MOST_RECORDS)).astype(np.int64))
     traces, step_ps = traces_mv[chosen], float(times_ps[1] - times_ps[0])
@@ -51,7 +53,7 @@ def learn_unaided(
         width = pulse.fwhm_ps(coarse)
         clear &= np.isfinite(width) & (np.nan_to_num(width) > settings.narrowest_ps)
         clear &= np.nan_to_num(width, nan=np.inf) < settings.widest_ps
-    if not clear.any():
+    if not clear.any() or step_ps > COARSEST_PS:
         return None
     reach = min(TO_PS, float(interval[clear].min()) + FROM_PS)
     if reach < PEAK_ROOM_PS + step_ps:
