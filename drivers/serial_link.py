@@ -18,6 +18,7 @@ from drivers.errors import LinkLost, ProtocolError, Timeout
 from drivers.port_trouble import remedy_for
 from drivers.transcript import Transcript
 
+MOST_AT_ONCE = 4096
 SLICE_S = 0.05  # longest wait inside the port, so that timers (heartbeats) run on a real clock too
 
 try:
@@ -236,7 +237,7 @@ class SerialLink:
             if port.timeout != limit_s:
                 port.timeout = limit_s
             chunk = port.read(port.in_waiting or 1)
-            if more := port.in_waiting:
+            while len(chunk) < MOST_AT_ONCE and (more := port.in_waiting):  # of a socket it tells no more than 1
                 chunk += port.read(more)
         except _PORT_ERRORS as error:
             self._lost(error)

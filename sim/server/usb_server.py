@@ -142,7 +142,7 @@ class _Host:
             question = take_frame(self._received) if came else None
         except (OSError, BadFrame):
             came, question = b"", None
-        if not came:
+        if not came or (question is not None and self._pending is not None):  # one question at a time
             self._server.drop(self)
         elif question is not None:
             self._pending = self._asked(*question)
@@ -157,7 +157,7 @@ class _Host:
 
     def _asked(self, question: dict[str, Any], data: bytes) -> Callable[[], Answer | None]:
         """Turn a question into what is to be done: once, or again and again until it gives an answer."""
-        op, args, number = str(question.get("op")), question.get("args", []), question.get("handle", 0)
+        op, args = question.get("op"), question.get("args", [])
         server, backend = self._server, self._server.backend
         match op:
             case "speed":
@@ -166,8 +166,9 @@ class _Host:
                 return lambda: (server.enumerate(), b"")
             case "open":
                 return lambda: (self._open(question.get("device")), b"")
-        handle = server.handles.get(number)
-        if handle is None or len(args) != ARGUMENTS.get(op, -1) or not all(isinstance(a, int) for a in args):
+        number = question.get("handle")
+        handle = server.handles.get(number) if isinstance(number, int) else None
+        if handle is None or not isinstance(op, str) or not _are_arguments(op, args):
             return lambda: _refused(question)
         match op:
             case "bulk_read":
@@ -175,10 +176,7 @@ class _Host:
                 return self._patiently(lambda: _read(backend, handle, endpoint, interface, length), timeout_ms)
             case "bulk_write":
                 endpoint, interface, timeout_ms = args
-                block = array("B", data)
-                return self._patiently(
-                    lambda: (backend.bulk_write(handle, endpoint, interface, block, NO_WAITING_MS), b""), timeout_ms
-                )
+                return self._patiently(_writer(backend, handle, endpoint, interface, data), timeout_ms)
             case "ctrl_transfer":
                 return lambda: _control(backend, handle, args, data)
         return lambda: (getattr(backend, op)(handle, *args), b"")
@@ -207,10 +205,35 @@ class _Host:
         return attempted
 
 
+def _are_arguments(op: str, args: Any) -> bool:
+    """Tell whether ``args`` are those of an operation: so many whole numbers that a USB field could hold."""
+    return (
+        isinstance(args, list)
+        and len(args) == ARGUMENTS.get(op, -1)
+        and all(type(a) is int and 0 <= a < 1 << 32 for a in args)
+    )
+
+
 def _read(backend: SimUsbBackend, handle: Any, endpoint: int, interface: int, length: int) -> Answer:
     block = array("B", bytes(min(length, LONGEST_DATA)))
     got = backend.bulk_read(handle, endpoint, interface, block, NO_WAITING_MS)
     return None, block[:got].tobytes()
+
+
+def _writer(backend: SimUsbBackend, handle: Any, endpoint: int, interface: int, data: bytes) -> Callable[[], Answer]:
+    """Make the attempts of one OUT transfer: the first moves the data over the bus, the others offer them again."""
+    moved = False
+
+    def attempt() -> Answer:
+        nonlocal moved
+        if not moved:
+            moved = True
+            backend.bulk_write(handle, endpoint, interface, array("B", data), NO_WAITING_MS)
+        elif not handle.device.offer(endpoint, data):
+            raise errors.timed_out()
+        return len(data), b""
+
+    return attempt
 
 
 def _control(backend: SimUsbBackend, handle: Any, args: list[int], data: bytes) -> Answer:
