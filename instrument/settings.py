@@ -114,10 +114,10 @@ class ScannerSettings(Section):
     settle_ms: float = Field(3.0, ge=0, le=1000, description="wait after a step within a line, ms")
     flyback_settle_ms: float = Field(25.0, ge=0, le=1000, description="wait after the step to a new line, ms")
     window_settle_ms: float = Field(
-        0.8, ge=0, le=100, description="window mode: least time from a step to the first shot on the echo, ms"
+        1.2, ge=0, le=100, description="window mode: least time from a step to the first shot on the echo, ms"
     )
-    window_flyback_ms: float = Field(8.0, ge=0, le=1000, description="window mode: wait after the step to a new line")
-    window_settle_shots: int = Field(4, ge=0, le=1000, description="window mode: shots thrown away before each sweep")
+    window_flyback_ms: float = Field(12.0, ge=0, le=1000, description="window mode: wait after the step to a new line")
+    window_settle_shots: int = Field(2, ge=0, le=1000, description="window mode: shots thrown away before each sweep")
 
 
 class ScanSettings(Section):
@@ -139,7 +139,7 @@ class ScanSettings(Section):
         "half-maximum", description="how a trace becomes a range (window mode always uses template)"
     )
     wanted_sd_mm: float = Field(
-        0.15, gt=0, le=10, description="window mode: standard deviation that each range is to have"
+        0.22, gt=0, le=10, description="window mode: standard deviation that each range is to have"
     )
     keep_traces: bool = Field(True, description="keep the raw traces in the recording")
 

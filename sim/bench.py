@@ -99,6 +99,7 @@ class SimulatedBench:
         self.servo = MirrorsTap(self.mirrors, self.clock, self.interlock)
         self.helios = HeliosFirmware(self.clock, self.servo)
         self.bridge = SamplingBridgeFirmware(self.clock, self.trigger, self.interlock, self.signal)
+        self.helios.on_marker.append(self.bridge.advance)  # the blue line is wired to the advance input
         self.truth = BenchTruth(self.optics)
 
         self._scale_readings = 0

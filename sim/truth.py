@@ -30,8 +30,16 @@ class BenchTruth:
         """Get the inverse of that pose (4, 4)."""
         return np.asarray(np.linalg.inv(self._optics.scanner_from_model), dtype=np.float64)
 
-    def ranges_mm(self, run_ids: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Get the true ranges (N,) in mm of the last record of each run; NaN where nothing was hit or nothing taken."""
-        last = {key[0]: truth.range_mm for key, truth in self._optics.truth.items()}
-        ranges = np.array([last.get(int(run_id), np.nan) for run_id in run_ids], dtype=np.float64)
+    def ranges_mm(self, run_ids: NDArray[np.int64], records: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
+        """Get the true ranges (N,) in mm of records of runs; NaN where nothing was hit or nothing taken.
+
+        Parameters
+        ----------
+        run_ids, records : (N,) int arrays
+            Which run, and which record in it (0 by default). Of a run taken several times the last counts.
+        """
+        numbers = np.zeros(len(run_ids), dtype=np.int64) if records is None else records
+        last = {(run, record): truth.range_mm for (run, _, record), truth in self._optics.truth.items()}
+        wanted = zip(run_ids.tolist(), numbers.tolist(), strict=True)
+        ranges = np.array([last.get(key, np.nan) for key in wanted], dtype=np.float64)
         return np.where(np.isfinite(ranges), ranges, np.nan)

@@ -27,8 +27,8 @@ Grid = Annotated[str | None, typer.Option(help="Raster as ROWSxCOLUMNS, for exam
 StepMm = Annotated[float | None, typer.Option(help="Distance of neighbouring points, mm.")]
 Averages = Annotated[int | None, typer.Option(help="Sweeps averaged into one record.")]
 PrfHz = Annotated[float | None, typer.Option(help="Pulse repetition frequency, Hz.")]
-Mode = Annotated[str | None, typer.Option(help="How the trace is sampled: sweep (the whole trace).")]
-Estimator = Annotated[str | None, typer.Option(help="How a trace becomes a range: half-maximum.")]
+Mode = Annotated[str | None, typer.Option(help="sweep: the whole trace; window: two short pieces, just enough shots.")]
+Estimator = Annotated[str | None, typer.Option(help="How a trace becomes a range: half-maximum or template.")]
 Faults = Annotated[
     Path | None, typer.Option("--faults", help="Faults that happen on the simulated bench (TOML or JSON).")
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import resources
@@ -27,6 +27,7 @@ from instrument.recording import Recording
 from instrument.scan import RasterScan, raster_of
 from instrument.scan_line import Flag, ScanLine
 from instrument.settings import Settings
+from instrument.window_scan import WindowScan, can_window
 
 
 @dataclass
@@ -148,7 +149,7 @@ def record_scan(run: Session, path: Path) -> tuple[dict[str, Any], ScanOutcome]:
         After the safe way out, when Ctrl-C or SIGTERM came; the lines so far are kept.
     """
     bench = run.controller.bench
-    job = RasterScan(run.settings, run.calibration, bench.clock)
+    job = job_for(run)
     header = job.header(
         run.identities,
         seed=run.settings.seed if run.simulated is not None else None,
@@ -171,9 +172,15 @@ def resume_scan(run: Session, path: Path) -> tuple[dict[str, Any], ScanOutcome]:
         When nothing is missing, or another program writes to it.
     """
     recording = Recording.resume(path)
-    return _scan_into(
-        run, RasterScan(run.settings, run.calibration, run.controller.bench.clock, recording.missing), recording
-    )
+    return _scan_into(run, job_for(run, recording.missing), recording)
+
+
+def job_for(run: Session, rows: Sequence[int] | None = None) -> RasterScan:
+    """Choose how to scan: in windows where the settings ask for it and the devices can, else in whole sweeps."""
+    bench = run.controller.bench
+    wants_windows = run.settings.scan.mode == "window"
+    kind = WindowScan if wants_windows and can_window(bench.galvo, bench.sampler) else RasterScan
+    return kind(run.settings, run.calibration, bench.clock, rows)
 
 
 def _scan_into(run: Session, job: RasterScan, recording: Recording) -> tuple[dict[str, Any], ScanOutcome]:
@@ -202,9 +209,8 @@ def _scan_with_bar(run: Session, job: RasterScan, recording: Recording) -> ScanO
 
 def describe_scan(run: Session, job: RasterScan, recording: Recording, outcome: ScanOutcome) -> dict[str, Any]:
     """Describe a scan by the keys of the command's contract (without ``wall_s``)."""
-    scan, sweep = run.settings.scan, job.sweep
+    scan = run.settings.scan
     cloud = recording.cloud()
-    places = outcome.lines * scan.columns
     result: dict[str, Any] = {
         "recording": str(recording.path),
         "points": int(cloud.has_range.sum()),
@@ -212,10 +218,10 @@ def describe_scan(run: Session, job: RasterScan, recording: Recording, outcome: 
         "lines_taken": outcome.lines,
         "grid": [scan.rows, scan.columns],
         "step_mm": scan.step_mm,
-        "mode": scan.mode,
+        "mode": job.mode,
         "averages": scan.averages,
         "device_time_s": round(outcome.device_time_s, 6),
-        "shot_limited_s": sweep.averages * sweep.samples * places / sweep.prf_hz,
+        "shot_limited_s": job.shots / run.settings.pulser.prf_hz,
         "flags": {f.words: n for f in Flag if f and (n := int(np.count_nonzero(cloud.flags & np.uint16(f))))},
         "laser_off_verified": outcome.safe.laser_off_verified,
         "safe_state": outcome.safe.steps,

@@ -12,7 +12,10 @@ from pydantic import BaseModel, ValidationError
 from drivers.clock import VirtualClock
 from instrument.errors import BadInput
 from instrument.recording import Cloud
+from instrument.scan_line import Flag
 from instrument.settings import Links, Settings, describe_errors
+
+NO_SINGLE_ECHO = Flag.MIXED | Flag.CLIPPED | Flag.OVERLAPPED | Flag.MOTION
 
 
 class Simulated:
@@ -50,7 +53,7 @@ class Simulated:
             self.bench = SimulatedBench(checked, seed=settings.seed, clock=self.clock)
         except ValueError as error:
             raise BadInput(str(error)) from error
-        self._columns = settings.scan.columns
+        self._scan = settings.scan
         self.faults: list[dict[str, Any]] = []
         if faults is not None:
             self._arm(faults)
@@ -96,20 +99,33 @@ class Simulated:
         Returns
         -------
         dict
-            ``range_rms_mm``, ``range_bias_mm``, ``range_max_mm`` over all places with a range, and the true
-            ``model_from_scanner``.
+            ``range_rms_mm``, ``range_bias_mm``, ``range_max_mm`` over the ``single_echo_points`` (a mixed, clipped
+            or overlapped echo has no one true range), and the true ``model_from_scanner``.
         """
         found = cloud.with_range()
-        run_ids = found.rows.astype(np.int64) * self._columns + found.columns + 1
-        error = found.range_mm - self.bench.truth.ranges_mm(run_ids)
+        found = found.where((found.flags & np.uint16(NO_SINGLE_ECHO)) == 0)
+        error = found.range_mm - self.bench.truth.ranges_mm(*self._measurements(found))
         error = error[np.isfinite(error)]
         some = error.size > 0
         return {
             "range_rms_mm": float(np.sqrt(np.mean(error**2))) if some else None,
             "range_bias_mm": float(error.mean()) if some else None,
             "range_max_mm": float(np.abs(error).max()) if some else None,
+            "single_echo_points": int(error.size),
             "model_from_scanner": self.model_from_scanner,
         }
+
+    def _measurements(self, found: Cloud) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Get run id and record number of each point, as the scan modes number them."""
+        rows, columns = found.rows.astype(np.int64), found.columns.astype(np.int64)
+        if self._scan.mode == "sweep":
+            return rows * self._scan.columns + columns + 1, np.zeros_like(rows)
+        retaken = (found.flags & np.uint16(Flag.RETAKEN)) != 0
+        order = np.zeros_like(rows)
+        for row in np.unique(rows[retaken]):
+            chosen = retaken & (rows == row)
+            order[chosen] = np.arange(chosen.sum())
+        return np.where(retaken, self._scan.rows, 0) + rows + 1, np.where(retaken, order, columns)
 
     def close(self) -> None:
         """Take the simulated ports away."""

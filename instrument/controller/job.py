@@ -70,7 +70,8 @@ class ScanOutcome:
     lines, points : int
         Lines stored; entries in them that carry a range.
     device_time_s : float
-        From the first place (laser on, diode at its working point) to the safe state, on the bench's clock.
+        From the first place (laser on, diode at its working point) to the last, on the bench's clock; the way out
+        to the safe state comes on top (`dark_s`).
     dark_s : float
         From the moment at which the end was decided to the last step of the safe way out.
     suspended : list of str

@@ -213,7 +213,7 @@ class ScanRun:
         everything = isinstance(error, InterlockTripped) and error.action == "off"
         self.outcome.safe = make_safe(self._bench, blamed=blamed, diode_off=everything)
         self.outcome.dark_s = self._clock.now() - decided_s
-        self.outcome.device_time_s = self._clock.now() - self._began_s
+        self.outcome.device_time_s = decided_s - self._began_s
         level = self._station.log.info if self.outcome.safe.laser_off_verified else self._station.log.critical
         level("scan ended", reason=self.outcome.stop_reason, safe=str(self.outcome.safe), lines=self.outcome.lines)
 

@@ -12,7 +12,7 @@ from instrument.controller.panel import Panel
 
 WATCHDOG_S = 1.0  # time limit that the sampler's driver sets in the device
 BEAT_S = WATCHDOG_S / 4  # SBP 1.0 section 5: every quarter of the timeout
-LOOK_S = 1.0  # between two places, the diode is looked at this often
+LOOK_S = 2.0  # between two places, the diode is looked at this often; it cannot leave its band faster
 # The slow serial links are asked between two lines, this often. What can change faster shows elsewhere before each
 # place or line: gate, trigger rate and interlock at the bridge, drive voltage in the amplitude of the reference.
 ALL_S = 5.0
@@ -95,7 +95,7 @@ class Supervisor:
             self.look()
 
     def look(self) -> None:
-        """Before each place: heartbeat and bridge; the diode once a second.
+        """Before each place: heartbeat and bridge; the diode every two seconds.
 
         A beat here keeps the timer's beats inside the records, where they delay nothing: the time between the
         mirrors' step and the first shot is then the same at every place, whatever happened before.
