@@ -178,7 +178,6 @@ class Optics:
         record_s = wanted.sweeps * (wanted.samples + wanted.settle_shots) / wanted.prf_hz
         drift_ps = self._drift.at((wanted.key[0] + wanted.key[2]) * record_s)
         first_ps = wanted.delay_ps + s.strobe_lag_ps + drift_ps
-        instants_ps = first_ps + wanted.step_ps * np.arange(wanted.samples, dtype=np.float64)
 
         echoes = receiver.pulses(
             laser.delay_ps + 2 * view.path_mm / LIGHT_MM_PER_PS,
@@ -187,7 +186,7 @@ class Optics:
         )
         mean_mv, slope = np.zeros((2, wanted.samples))
         for pulse in self._reference(laser) + echoes:
-            add_pulse(mean_mv, slope, instants_ps, pulse)
+            add_pulse(mean_mv, slope, first_ps, wanted.step_ps, pulse)
         light_mv = np.maximum(mean_mv, 0.0)
         variance_mv2 = receiver.dark_noise_mv**2 + receiver.shot_noise_mv * light_mv
         variance_mv2 += (laser.energy_noise * light_mv) ** 2 + (s.trigger_jitter_ps * slope) ** 2
@@ -208,9 +207,7 @@ class Optics:
         origins = bundle(beam.origin, beam.direction, s.spot_diameter_mm)
         if s.motion_mm > 0:
             origins[:, 2] -= s.motion_mm * math.sin(2 * math.pi * middle_s / s.motion_period_s)
-        directions = np.empty_like(origins)
-        directions[:] = beam.direction
-        hits = self._scene.cast(origins, directions)
+        hits = self._scene.cast(origins, beam.direction)
 
         axis_mm = float(hits.distance_mm[0])
         point = beam.origin + axis_mm * beam.direction if math.isfinite(axis_mm) else np.full(3, math.nan)

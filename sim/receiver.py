@@ -114,14 +114,15 @@ class Receiver:
         list of Pulse
             One for each group of parts that arrive close together, in order of time.
         """
-        if len(arrivals_ps) and np.ptp(arrivals_ps) < TOGETHER_PS and charges_fc.any():
-            return [self._group(arrivals_ps, charges_fc, laser_fwhm_ps)]
-        order = arrivals_ps.argsort()
-        order = order[charges_fc[order] > 0]
-        arrivals, charges = arrivals_ps[order], charges_fc[order]
+        lit = charges_fc > 0
+        arrivals, charges = arrivals_ps[lit], charges_fc[lit]
+        if len(arrivals) == 0:
+            return []
+        order = arrivals.argsort()
+        arrivals, charges = arrivals[order], charges[order]
         cuts = np.nonzero(arrivals[1:] - arrivals[:-1] > APART_PS)[0] + 1
         bounds = [0, *cuts.tolist(), len(arrivals)]
-        return [self._group(arrivals[i:j], charges[i:j], laser_fwhm_ps) for i, j in itertools.pairwise(bounds) if j > i]
+        return [self._group(arrivals[i:j], charges[i:j], laser_fwhm_ps) for i, j in itertools.pairwise(bounds)]
 
     def reference_charge_fc(self, relative_energy: float) -> float:
         """Get the charge of the reference pulse for a laser energy relative to that at 290 V and 23 degC."""
@@ -131,7 +132,7 @@ class Receiver:
     def _group(self, arrivals_ps: FloatArray, charges_fc: FloatArray, laser_fwhm_ps: float) -> Pulse:
         charge_fc = float(charges_fc.sum())
         start_ps, shape, response_mv = self._response(charge_fc, laser_fwhm_ps)
-        if np.ptp(arrivals_ps) < TOGETHER_PS:
+        if arrivals_ps[-1] - arrivals_ps[0] < TOGETHER_PS:
             return Pulse(shape, float(arrivals_ps @ charges_fc) / charge_fc + start_ps, response_mv)
         first_ps = float(arrivals_ps[0])
         places = np.rint((arrivals_ps - first_ps) / TABLE_PS).astype(np.int64)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +15,7 @@ SLOPE_ENTRIES = 4
 
 
 def add_pulse(
-    signal_mv: NDArray[np.float64], slope: NDArray[np.float64], instants_ps: NDArray[np.float64], pulse: Pulse
+    signal_mv: NDArray[np.float64], slope: NDArray[np.float64], first_ps: float, step_ps: float, pulse: Pulse
 ) -> None:
     """Add a pulse to what the strobe finds at each of its instants.
 
@@ -21,17 +23,22 @@ def add_pulse(
     ----------
     signal_mv, slope : (samples,) arrays
         Signal, and its slope in mV/ps (what jitter turns into noise); changed in place.
-    instants_ps : (samples,) array
-        True sampling instants, increasing.
+    first_ps, step_ps : float
+        True instant of the first sample, and step from sample to sample.
     pulse : Pulse
         Begins and ends at zero.
     """
-    first, last = np.searchsorted(instants_ps, (pulse.begin_ps, pulse.end_ps))
-    entries = np.rint((instants_ps[first:last] - pulse.begin_ps) / TABLE_PS).astype(np.intp)
-    signal_mv[first:last] += pulse.shape.take(entries)
-    after = pulse.shape.take(entries + SLOPE_ENTRIES, mode="clip")
-    before = pulse.shape.take(entries - SLOPE_ENTRIES, mode="clip")
-    slope[first:last] += (after - before) / (2 * SLOPE_ENTRIES * TABLE_PS)
+    first = max(0, math.ceil((pulse.begin_ps - first_ps) / step_ps))
+    last = min(len(signal_mv), math.ceil((pulse.end_ps - first_ps) / step_ps))
+    if first >= last:
+        return
+    places = np.arange(first, last) * (step_ps / TABLE_PS) + (first_ps - pulse.begin_ps) / TABLE_PS
+    entries = np.rint(places, out=places).astype(np.intp)
+    signal_mv[first:last] += pulse.shape.take(entries, mode="clip")
+    rise = pulse.shape.take(entries + SLOPE_ENTRIES, mode="clip")
+    rise -= pulse.shape.take(entries - SLOPE_ENTRIES, mode="clip")
+    rise *= np.float32(1 / (2 * SLOPE_ENTRIES * TABLE_PS))
+    slope[first:last] += rise
 
 
 def digitise(signal_mv: NDArray[np.float32], settings: SimulationSettings) -> tuple[NDArray[np.uint32], bool]:

@@ -97,7 +97,9 @@ class MirrorPair:
 
     def position(self, t_s: float) -> tuple[float, float]:
         """Get where both mirrors stand at the moment ``t_s``, in commands (-1..1)."""
-        motion = next((m for m in reversed(self._history) if m.since_s <= t_s), self._history[0])
+        motion = self._history[-1]
+        if motion.since_s > t_s:
+            motion = next((m for m in reversed(self._history) if m.since_s <= t_s), self._history[0])
         x, y = (self._later(axis, t_s - motion.since_s) for axis in motion.axes)
         return x.target - x.servo - x.creep, y.target - y.servo - y.creep
 

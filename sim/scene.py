@@ -97,23 +97,26 @@ class Scene:
 
         Parameters
         ----------
-        origins, directions : (N, 3) arrays
-            Scanner frame, mm; unit directions.
+        origins : (N, 3) array
+            Scanner frame, mm.
+        directions : (N, 3) or (3,) array
+            Unit vectors; a single one is that of all rays.
 
         Returns
         -------
         Hits
         """
-        face = self._caster.run(origins.astype(np.float32), directions.astype(np.float32))
+        each = np.empty(origins.shape, dtype=np.float32)
+        each[:] = directions
+        face = self._caster.run(origins.astype(np.float32), each)
         surface = self._faces[face]  # for a miss the last face, of no consequence
         normal = surface[:, :3]
-        slope = np.einsum("ij,ij->i", normal, directions)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            distance = (surface[:, 3] - np.einsum("ij,ij->i", normal, origins)) / slope
+        slope = normal @ directions if directions.ndim == 1 else (normal * directions).sum(axis=1)
+        height = surface[:, 3] - (normal * origins).sum(axis=1)
+        distance = np.divide(height, slope, out=np.full(len(face), np.inf), where=slope != 0)
         cosine = np.abs(slope)
         brightness = backscatter(cosine, surface[:, 4:])
-        seen = (face != MISS) & (distance > 0) & (distance < np.inf)
-        if not seen.all():
-            distance[~seen], cosine[~seen], brightness[~seen] = np.inf, 0.0, 0.0
-            face = np.where(seen, face, MISS)
+        if face.min() == MISS or distance.min() <= 0 or distance.max() == np.inf:
+            missed = (face == MISS) | (distance <= 0) | (distance == np.inf)
+            distance[missed], cosine[missed], brightness[missed], face[missed] = np.inf, 0.0, 0.0, MISS
         return Hits(distance, face.astype(np.int64), cosine, brightness)

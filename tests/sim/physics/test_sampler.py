@@ -22,7 +22,7 @@ def ramp(begin_ps=6950.0, peak_mv=40.0, length_ps=500.0):
 
 def sampled(pulse):
     signal, slope = np.zeros((2, 400))
-    add_pulse(signal, slope, INSTANTS, pulse)
+    add_pulse(signal, slope, 6500.0, 6.7, pulse)
     return signal, slope
 
 
@@ -36,7 +36,7 @@ def test_a_pulse_is_sampled_where_it_is():
 def test_pulses_add_up():
     signal, slope = np.zeros((2, 400))
     for pulse in (ramp(), ramp(7300.0)):
-        add_pulse(signal, slope, INSTANTS, pulse)
+        add_pulse(signal, slope, 6500.0, 6.7, pulse)
     np.testing.assert_allclose(signal, sampled(ramp())[0] + sampled(ramp(7300.0))[0])
 
 
