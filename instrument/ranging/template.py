@@ -67,7 +67,7 @@ def fit_pair(
 
     Each pulse is fitted on its own piece of the trace, from where `half_maximum` found it. Both share one baseline,
     which the samples before the reference know too: the three findings of it are combined, which gives just what one
-    fit of everything would (`share_baseline`).
+    fit of everything would (`combine`).
     """
     step_ps = float(times_ps[1] - times_ps[0])
     fits, firsts = [], []

@@ -46,12 +46,14 @@ def fit_walk(levels: Sequence[tuple[FloatArray, FloatArray]]) -> Walk:
     Raises
     ------
     BadInput
-        With fewer than 4 levels, or fewer than 10 readings in one.
+        With fewer than 4 levels, fewer than 10 readings in one, or responses that are not positive and different.
     """
     if len(levels) < LEAST_LEVELS:
         raise BadInput(f"a walk calibration needs at least {LEAST_LEVELS} gray levels, not {len(levels)}")
     means = np.array([_mean(*level, number) for number, level in enumerate(levels)])
     response, error, sd = means[np.argsort(means[:, 0])].T
+    if response[0] <= 0:
+        raise BadInput(f"a gray level has a response of {response[0]:.3g} mV; take away levels without an echo")
     if np.any(np.diff(response) < 1e-3 * response[1:]):
         raise BadInput(f"two gray levels have the same response: {np.round(response, 3).tolist()} mV")
     knots = np.geomspace(response[0], response[-1], KNOTS)

@@ -34,6 +34,7 @@ FOOT_PS, TOP_PS = 180.0, 240.0  # from before the rise to behind the peak
 MARGINS_PS = (30.0, 60.0, 120.0, 240.0)
 REFERENCE_MARGIN_PS = 20.0
 LEAST_RESPONSE_MV = 3.0
+COARSEST_PS = 40.0
 RETRY = Flag.NO_ECHO | Flag.NO_REFERENCE | Flag.MIXED
 
 
@@ -57,6 +58,11 @@ class PlanSettings:
         Whether the ranges of a line will share their reference; a few shots on it are then enough.
     first_response_mv : float
         Response to plan for while none has been seen.
+
+    Raises
+    ------
+    BadInput
+        When a value makes no sense, or a step is too coarse for the edges.
     free_shots : int
         Shots on the reference that cost no time, because the mirrors settle meanwhile.
     """
@@ -69,6 +75,20 @@ class PlanSettings:
     sweeps: tuple[int, ...] = (1, 2, 3, 4, 6, 8)
     shared_reference: bool = True
     first_response_mv: float = 30.0
+
+    def __post_init__(self) -> None:
+        if not (self.wanted_sd_mm > 0 and 0 < self.nearest_mm < self.farthest_mm and self.first_response_mv > 0):
+            raise BadInput(
+                f"windows cannot be planned for {self.wanted_sd_mm:g} mm from {self.nearest_mm:g} to "
+                f"{self.farthest_mm:g} mm at {self.first_response_mv:g} mV; all must be positive, and the range rise"
+            )
+        if not (self.steps_ps and self.sweeps and min(self.steps_ps) > 0 and min(self.sweeps) >= 1):
+            raise BadInput("the planner needs at least one step above 0 ps and one number of sweeps of 1 or more")
+        if max(self.steps_ps) > COARSEST_PS:
+            raise BadInput(
+                f"a step of {max(self.steps_ps):g} ps is too coarse for edges of 210 ps; at most {COARSEST_PS:g} ps"
+            )
+
     free_shots: int = 0
 
 

@@ -223,6 +223,29 @@ def test_windows_get_cheaper_with_less_wanted_and_more_response(calibrated: Cali
     assert shots(0.2, 20.0) > shots(0.2, 50.0)
 
 
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"wanted_sd_mm": 0.0}, "planned for 0 mm"),
+        ({"nearest_mm": 1200.0}, "the range rise"),
+        ({"steps_ps": ()}, "at least one step"),
+        ({"sweeps": (0, 1)}, "sweeps of 1 or more"),
+        ({"steps_ps": (6.7, 80.0)}, "80 ps is too coarse"),
+    ],
+)
+def test_a_plan_that_makes_no_sense_is_refused(change: dict[str, Any], said: str) -> None:
+    with pytest.raises(BadInput, match=said):
+        PlanSettings(**change)
+
+
+def test_a_line_of_another_length_is_refused(calibrated: Calibration) -> None:
+    planner, other = WindowPlanner(calibrated, 4), WindowPlanner(calibrated, 3)
+    places = other.line()
+    flat = [(np.zeros(p.reference.samples), np.zeros(p.echo.samples)) for p in places]
+    with pytest.raises(BadInput, match="3 places for a raster of 4 columns"):
+        planner.learn(estimate_places(places, flat, calibration=calibrated))
+
+
 def test_fixed_windows_are_all_alike(calibrated: Calibration) -> None:
     planner = WindowPlanner(calibrated, 6, PlanSettings(steps_ps=(6.7,), sweeps=(2,)))
     assert {(w.step_ps, w.sweeps) for place in planner.line() for w in (place.reference, place.echo)} == {(6.7, 2)}

@@ -70,5 +70,7 @@ def test_too_little_is_refused() -> None:
         fit_walk(levels[:3])
     with pytest.raises(BadInput, match="gray level 2 has 5 usable readings"):
         fit_walk([*levels[:2], (levels[2][0][:5], levels[2][1][:5]), *levels[3:]])
+    with pytest.raises(BadInput, match="without an echo"):
+        fit_walk([*levels, (-levels[0][0], levels[0][1])])
     with pytest.raises(BadInput, match="same response"):
         fit_walk([*levels, levels[0]])
