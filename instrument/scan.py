@@ -212,27 +212,67 @@ class RasterScan:
         sweeps: int,
         began_s: float,
     ) -> ScanLine:
-        """Put ranges into space."""
+        """Put ranges into space, and note how the reference was."""
         there = np.isfinite(ranges.reference_mv)
         if 2 * np.count_nonzero(there) >= len(there):
             self._reference = float(ranges.reference_mv[there].min()), float(np.median(ranges.reference_ps[there]))
         else:
             self._reference = (0.0, None)
-        angles_rad = true_angles(plan.angles_rad, self.calibration.scanner)
-        separation_mm = self.calibration.mirror_separation_mm
-        return ScanLine(
-            index=plan.row,
-            columns=plan.columns,
-            angles_rad=plan.angles_rad,
-            points_mm=points_from(angles_rad, ranges.range_mm, separation_mm),
-            covariance_mm2=covariance_from(
-                angles_rad, ranges.range_mm, ranges.variance_mm2, self.calibration.pointing_sd_rad, separation_mm
-            ),
-            range_mm=ranges.range_mm,
-            range_variance_mm2=ranges.variance_mm2,
-            response_mv=ranges.response_mv,
-            flags=ranges.flags,
+        return to_scan_line(
+            plan.row,
+            plan.columns,
+            plan.angles_rad,
+            ranges,
+            self.calibration,
             sums=sums,
             sweeps=sweeps,
-            device_time_s=began_s,
+            began_s=began_s,
         )
+
+
+def to_scan_line(
+    row: int,
+    columns: NDArray[np.int32],
+    angles_rad: NDArray[np.float64],
+    ranges: Ranges,
+    calibration: Calibration,
+    *,
+    sums: NDArray[np.unsignedinteger] | None,
+    sweeps: int,
+    began_s: float,
+) -> ScanLine:
+    """Put the ranges of a line into space.
+
+    Parameters
+    ----------
+    row : int
+    columns : (N,) int array
+    angles_rad : (N, 2) float array
+        Optical angles as asked for; the scanner's errors of the calibration are applied.
+    ranges : Ranges
+        Of N places.
+    calibration : Calibration
+    sums : (N, S) array or None
+        Raw traces to keep.
+    sweeps : int
+    began_s : float
+        Device time at which the line was begun.
+    """
+    true_rad = true_angles(angles_rad, calibration.scanner)
+    separation_mm = calibration.mirror_separation_mm
+    return ScanLine(
+        index=row,
+        columns=columns,
+        angles_rad=angles_rad,
+        points_mm=points_from(true_rad, ranges.range_mm, separation_mm),
+        covariance_mm2=covariance_from(
+            true_rad, ranges.range_mm, ranges.variance_mm2, calibration.pointing_sd_rad, separation_mm
+        ),
+        range_mm=ranges.range_mm,
+        range_variance_mm2=ranges.variance_mm2,
+        response_mv=ranges.response_mv,
+        flags=ranges.flags,
+        sums=sums,
+        sweeps=sweeps,
+        device_time_s=began_s,
+    )

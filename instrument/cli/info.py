@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from instrument.cli import output
 from instrument.cli.options import Json
+
+if TYPE_CHECKING:
+    from instrument.recording import Recording
 
 
 def add_to(app: typer.Typer) -> None:
@@ -24,28 +27,33 @@ def info(
     from instrument.recording import Recording
 
     with Recording.open(recording) as scan:
-        checks = scan.check()
-        bad = [line for line in checks if not line.ok]
-        header = scan.header
-        result = {
-            "lines": len(checks),
-            "lines_ok": len(checks) - len(bad),
-            "complete": scan.complete,
-            "settings": header.get("settings"),
-            "calibration": header.get("calibration"),
-            "seed": header.get("seed"),
-            "stop_reason": scan.stop_reason,
-            "raster": header.get("raster"),
-            "versions": header.get("versions"),
-            "scanner": header.get("scanner"),
-            "damaged": [{"line": line.index, "problem": line.problem} for line in bad],
-        }
+        result = describe_recording(scan)
+    bad = result["damaged"]
     if json:
         output.print_json(result)
     else:
         shown = ("lines", "lines_ok", "complete", "stop_reason", "seed", "raster", "scanner", "versions")
         output.print_table(str(recording), {k: result[k] for k in shown})
         for line in bad:
-            output.console().print(f"line {line.index}: {line.problem}")
+            output.console().print(f"line {line['line']}: {line['problem']}")
     if bad:
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
+
+
+def describe_recording(scan: Recording) -> dict[str, Any]:
+    """Describe a recording by the keys of the command's contract; every line is checked."""
+    checks, header = scan.check(), scan.header
+    damaged = [{"line": line.index, "problem": line.problem} for line in checks if not line.ok]
+    return {
+        "lines": len(checks),
+        "lines_ok": len(checks) - len(damaged),
+        "complete": scan.complete,
+        "settings": header.get("settings"),
+        "calibration": header.get("calibration"),
+        "seed": header.get("seed"),
+        "stop_reason": scan.stop_reason,
+        "raster": header.get("raster"),
+        "versions": header.get("versions"),
+        "scanner": header.get("scanner"),
+        "damaged": damaged,
+    }

@@ -93,9 +93,24 @@ def _failed(arguments: list[str], code: int, message: str) -> int:
 
 
 def _register_subcommands() -> None:
-    from instrument.cli import bench, demo, doctor, export, info, laser_class, register, resume, scan, settings, sim
+    from instrument.cli import (
+        bench,
+        demo,
+        doctor,
+        export,
+        info,
+        laser_class,
+        register,
+        rerange,
+        resume,
+        scan,
+        settings,
+        sim,
+        validate,
+    )
 
-    for module in (demo, settings, sim, doctor, scan, resume, info, export, register, bench, laser_class):
+    modules = (demo, settings, doctor, sim, scan, resume, info, export, rerange, register)
+    for module in (*modules, bench, validate, laser_class):
         module.add_to(app)
 
 

@@ -13,6 +13,7 @@ import pytest
 import trimesh
 
 from instrument.cli.main import run
+from instrument.recording import Recording
 
 Called = tuple[int, dict[str, Any], str]
 
@@ -195,3 +196,24 @@ def test_help_has_an_example_for_each_command(capsys: pytest.CaptureFixture[str]
     for command in ("demo", "scan", "info", "export", "register", "laser-class"):
         assert run([command, "--help"]) == 0
         assert "Example" in capsys.readouterr().out
+
+
+def test_a_recording_is_ranged_again_with_another_estimator(call: Any, tmp_path: Path) -> None:
+    first, second = tmp_path / "first.db", tmp_path / "second.db"
+    call("scan", "--grid", "4x20", "-o", first, "--json")
+    before = first.read_bytes()
+    code, result, _ = call("rerange", first, "-o", second, "--estimator", "template", "--json")
+    assert (code, result["lines_ok"], result["raster"]["estimator"]) == (0, 4, "template")
+    assert first.read_bytes() == before
+    with Recording.open(first) as old, Recording.open(second) as new:
+        half, template = old.cloud(), new.cloud()
+    # The template fit uses all samples of the edges: its scatter about the same surface is several times smaller.
+    assert np.median(template.range_variance_mm2) < np.median(half.range_variance_mm2) / 9
+    assert abs(np.mean(template.range_mm - half.range_mm)) < 0.1
+
+
+def test_only_recordings_with_traces_can_be_ranged_again(call: Any, tmp_path: Path) -> None:
+    call("scan", "--grid", "1x3", "--mode", "window", "-o", tmp_path / "w.db", "--json")
+    code, result, _ = call("rerange", tmp_path / "w.db", "-o", tmp_path / "x.db", "--json")
+    assert code == 2
+    assert "no raw traces" in result["error"]
