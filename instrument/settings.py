@@ -21,7 +21,7 @@ from instrument.errors import BadInput
 class Section(BaseModel):
     """Common to all tables: unknown keys and silent conversions are refused, values never change."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
 class Links(Section):
@@ -60,6 +60,13 @@ class PulserSettings(Section):
     output_margin: float = Field(
         1.2, ge=1, le=10, description="factor on the measured energy: uncertainty of the power meter, temperature"
     )
+
+    @field_validator("measured_output", mode="before")
+    @classmethod
+    def _lists_are_tuples(cls, points: Any) -> Any:  # TOML and JSON know lists only
+        if not isinstance(points, list):
+            return points
+        return tuple(tuple(point) if isinstance(point, list) else point for point in points)
 
     @field_validator("measured_output")
     @classmethod

@@ -25,15 +25,13 @@ def waits() -> Iterator[float]:
         wait_s = min(2 * wait_s, LONGEST_WAIT_S)
 
 
-def bring_back(bench: Bench, settings: Settings, job: ScanJob, known: Mapping[str, Identity], log: Any) -> None:
-    """Open every device that does not answer, check that it is the same one, and apply all settings again.
+def reopen(bench: Bench, settings: Settings, known: Mapping[str, Identity], log: Any) -> None:
+    """Open every device that does not answer, check that it is the same one, and keep the diode at its temperature.
 
     Parameters
     ----------
     bench : Bench
     settings : Settings
-    job : ScanJob
-        Knows how records are taken.
     known : mapping of str to Identity
         Who answered when the bench was connected.
     log : structlog logger
@@ -56,12 +54,32 @@ def bring_back(bench: Bench, settings: Settings, job: ScanJob, known: Mapping[st
                 "identity", f"{name} is now {found}, it was {known[name]}; put the cables back and start anew"
             )
         log.info("link is back", device=name)
-    # Settings are applied to all: a device that lost its power answers as before and has forgotten them.
-    bench.pulser.configure(prf_hz=settings.pulser.prf_hz, drive_v=settings.pulser.drive_v)
-    job.configure(bench.sampler)
     diode = bench.diode.status()
     if not diode.regulating and not diode.problem:
         bench.diode.regulate(settings.diode.target_degc)
+
+
+def apply_settings(bench: Bench, settings: Settings, job: ScanJob) -> None:
+    """Bring pulser and sampler to what a scan needs, all off and read back.
+
+    To both, whichever was away: a device that lost its power answers as before and has forgotten everything. A
+    lock-out of the gate is ended here, on purpose: all interlocks hold, and a person or a recovery wants light.
+
+    Parameters
+    ----------
+    bench : Bench
+    settings : Settings
+    job : ScanJob
+        Knows how records are taken.
+
+    Raises
+    ------
+    DeviceError
+    """
+    if bench.sampler.status().gate == "locked":
+        bench.sampler.clear_lockout()
+    bench.pulser.configure(prf_hz=settings.pulser.prf_hz, drive_v=settings.pulser.drive_v)
+    job.configure(bench.sampler)
 
 
 def _answers(bench: Bench, name: str) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from drivers.errors import DeviceError, DeviceFault
 from instrument.controller.disk import lines_left, refuse_small_disk
 from instrument.controller.job import LineStore, ScanJob, ScanOutcome, Sink
-from instrument.controller.recovery import LIMIT_S, LINK_ERRORS, bring_back, waits
+from instrument.controller.recovery import LIMIT_S, LINK_ERRORS, apply_settings, reopen, waits
 from instrument.controller.requests import EndScan
 from instrument.controller.safety import make_safe
 from instrument.controller.station import Station, reach_working_point
@@ -84,14 +84,12 @@ class ScanRun:
     def _begin(self) -> None:
         refuse_small_disk(self._job, self._store)
         self._wait_for_interlocks()
-        self._job.configure(self._bench.sampler)
+        apply_settings(self._bench, self._station.settings, self._job)
         self._light_on("start_scan")
 
     def _light_on(self, verb: str) -> None:
         """Everything but the gate first, so that the gate is open only in ``scanning``."""
         self._station.supervisor.start_beating()
-        if self._bench.sampler.status().gate == "locked":  # all interlocks hold, and a person or a recovery wants light
-            self._bench.sampler.clear_lockout()
         self._bench.pulser.on()
         self._station.machine.go(verb, self._bench.sampler.gate_on)
         self._store.event(self._clock.now(), "laser on", state=self._station.machine.state)
@@ -151,6 +149,7 @@ class ScanRun:
         while not self._station.requests.at_rest():
             self._clock.wait(self._station.requests.waiting, PAUSE_POLL_S)
         self._wait_for_interlocks()
+        apply_settings(self._bench, self._station.settings, self._job)
         self._light_on("resume")
 
     def _suspend(self, cause: Exception) -> None:
@@ -162,8 +161,9 @@ class ScanRun:
         for wait_s in waits():
             self._rest(wait_s)
             try:
-                bring_back(self._bench, self._station.settings, self._job, self._station.known, self._station.log)
+                reopen(self._bench, self._station.settings, self._station.known, self._station.log)
                 self._look(emitting=False)
+                apply_settings(self._bench, self._station.settings, self._job)
                 self._light_on("recover")
                 return
             except LINK_ERRORS as lost:

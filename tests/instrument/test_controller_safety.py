@@ -1,0 +1,65 @@
+"""The safe way out: every step is tried, whatever the one before has done."""
+
+from __future__ import annotations
+
+import itertools
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from drivers.errors import DeviceFault, LinkLost
+from instrument.controller import make_safe
+from instrument.controller.safety import VERIFIED
+
+
+class Steps:
+    """A bench whose steps are written down; some of them fail."""
+
+    def __init__(self, failing: dict[str, BaseException]) -> None:
+        self.done: list[str] = []
+
+        def step(name: str) -> Any:
+            def carry_out() -> None:
+                self.done.append(name)
+                if name in failing:
+                    raise failing[name]
+
+            return carry_out
+
+        self.sampler = SimpleNamespace(gate_off=step("gate"), stop=step("run"))
+        self.pulser = SimpleNamespace(off=step("pulser"))
+        self.galvo = SimpleNamespace(park=step("mirrors"))
+        self.diode = SimpleNamespace(off=step("diode"))
+
+
+NAMES = ("gate", "pulser", "run", "mirrors", "diode")
+FAILURES = (LinkLost("x", "gone"), DeviceFault("x", "refused"), RuntimeError("a defect"), OSError(5, "disk"))
+
+
+@pytest.mark.parametrize("broken", [set(c) for n in range(6) for c in itertools.combinations(NAMES, n)], ids=str)
+def test_every_step_is_tried_and_its_outcome_kept(broken: set[str]) -> None:
+    bench = Steps({name: FAILURES[i % len(FAILURES)] for i, name in enumerate(sorted(broken))})
+    safe = make_safe(bench, diode_off=True)  # type: ignore[arg-type]
+    assert sorted(bench.done) == sorted(NAMES)
+    assert {name for name, outcome in safe.steps.items() if outcome != VERIFIED} == broken
+    assert safe.laser_off_verified is not ({"gate", "pulser"} <= broken)
+    assert safe.complete is not bool(broken)
+    assert ("LASER NOT VERIFIED OFF" in str(safe)) is ({"gate", "pulser"} <= broken)
+
+
+@pytest.mark.parametrize("kind", [KeyboardInterrupt, SystemExit, GeneratorExit])
+def test_what_ends_the_program_waits_until_all_steps_were_tried(kind: type[BaseException]) -> None:
+    bench = Steps({"gate": kind()})
+    with pytest.raises(kind):
+        make_safe(bench)  # type: ignore[arg-type]
+    assert bench.done == ["gate", "pulser", "run", "mirrors"]
+
+
+def test_the_device_that_failed_is_asked_last_because_it_may_not_answer() -> None:
+    bench = Steps({})
+    make_safe(bench, blamed="sampler")  # type: ignore[arg-type]
+    assert bench.done == ["pulser", "mirrors", "gate", "run"]
+    bench = Steps({})
+    make_safe(bench, blamed="pulser")  # type: ignore[arg-type]
+    assert bench.done == ["gate", "run", "mirrors", "pulser"]
