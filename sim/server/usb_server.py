@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import socket
-from array import array
 from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
@@ -12,28 +11,14 @@ from typing import Any
 import usb.core
 
 from sim.server.event_loop import EventLoop
+from sim.server.usb_operations import Answer, are_arguments, control, read, refused, writer
 from sim.usb import errors
 from sim.usb.backend import SimUsbBackend
 from sim.usb.bus import SimUsbDevice
-from sim.usb.frames import LONGEST_DATA, BadFrame, send_frame, take_frame
+from sim.usb.frames import BadFrame, send_frame, take_frame
 
 LOOPBACK = "127.0.0.1"
 SEND_LIMIT_S = 1.0  # a host that does not take its answer within this time is given up
-NO_WAITING_MS = -1  # a time limit that has passed already: what is there now, or a timeout
-
-ARGUMENTS = {  # of each operation on a handle
-    "set_configuration": 1,
-    "get_configuration": 0,
-    "set_interface_altsetting": 2,
-    "claim_interface": 1,
-    "release_interface": 1,
-    "clear_halt": 1,
-    "reset_device": 0,
-    "bulk_read": 4,
-    "bulk_write": 3,
-    "ctrl_transfer": 6,
-}
-Answer = tuple[Any, bytes]
 
 
 class UsbServer:
@@ -168,17 +153,17 @@ class _Host:
                 return lambda: (self._open(question.get("device")), b"")
         number = question.get("handle")
         handle = server.handles.get(number) if isinstance(number, int) else None
-        if handle is None or not isinstance(op, str) or not _are_arguments(op, args):
-            return lambda: _refused(question)
+        if handle is None or not isinstance(op, str) or not are_arguments(op, args):
+            return lambda: refused(question)
         match op:
             case "bulk_read":
                 endpoint, interface, length, timeout_ms = args
-                return self._patiently(lambda: _read(backend, handle, endpoint, interface, length), timeout_ms)
+                return self._patiently(lambda: read(backend, handle, endpoint, interface, length), timeout_ms)
             case "bulk_write":
                 endpoint, interface, timeout_ms = args
-                return self._patiently(_writer(backend, handle, endpoint, interface, data), timeout_ms)
+                return self._patiently(writer(backend, handle, endpoint, interface, data), timeout_ms)
             case "ctrl_transfer":
-                return lambda: _control(backend, handle, args, data)
+                return lambda: control(backend, handle, args, data)
         return lambda: (getattr(backend, op)(handle, *args), b"")
 
     def _open(self, device: Any) -> int:
@@ -203,49 +188,6 @@ class _Host:
                 return None
 
         return attempted
-
-
-def _are_arguments(op: str, args: Any) -> bool:
-    """Tell whether ``args`` are those of an operation: so many whole numbers that a USB field could hold."""
-    return (
-        isinstance(args, list)
-        and len(args) == ARGUMENTS.get(op, -1)
-        and all(type(a) is int and 0 <= a < 1 << 32 for a in args)
-    )
-
-
-def _read(backend: SimUsbBackend, handle: Any, endpoint: int, interface: int, length: int) -> Answer:
-    block = array("B", bytes(min(length, LONGEST_DATA)))
-    got = backend.bulk_read(handle, endpoint, interface, block, NO_WAITING_MS)
-    return None, block[:got].tobytes()
-
-
-def _writer(backend: SimUsbBackend, handle: Any, endpoint: int, interface: int, data: bytes) -> Callable[[], Answer]:
-    """Make the attempts of one OUT transfer: the first moves the data over the bus, the others offer them again."""
-    moved = False
-
-    def attempt() -> Answer:
-        nonlocal moved
-        if not moved:
-            moved = True
-            backend.bulk_write(handle, endpoint, interface, array("B", data), NO_WAITING_MS)
-        elif not handle.device.offer(endpoint, data):
-            raise errors.timed_out()
-        return len(data), b""
-
-    return attempt
-
-
-def _control(backend: SimUsbBackend, handle: Any, args: list[int], data: bytes) -> Answer:
-    kind, request, value, index, length, timeout_ms = args
-    to_host = bool(kind & 0x80)
-    block = array("B", bytes(min(length, LONGEST_DATA)) if to_host else data)
-    done = backend.ctrl_transfer(handle, kind, request, value, index, block, timeout_ms)
-    return done, block[:done].tobytes() if to_host else b""
-
-
-def _refused(question: dict[str, Any]) -> Answer:
-    raise errors.not_supported(f"the question {question}")
 
 
 def _nothing() -> None:

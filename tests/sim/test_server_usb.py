@@ -16,7 +16,8 @@ from drivers import helios_wire
 from drivers.clock import VirtualClock
 from sim.firmware.helios import HeliosFirmware
 from sim.server.event_loop import EventLoop
-from sim.server.usb_server import ARGUMENTS, UsbServer
+from sim.server.usb_operations import ARGUMENTS
+from sim.server.usb_server import UsbServer
 from sim.usb import SimUsbBackend
 from sim.usb.forward import ForwardBackend, backend
 from sim.usb.frames import BadFrame, encode_frame, receive_frame, send_frame, take_frame

@@ -1,0 +1,72 @@
+"""What a host may ask of an opened USB device, carried out once and without waiting."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable
+from typing import Any
+
+from sim.usb import errors
+from sim.usb.backend import SimUsbBackend
+from sim.usb.frames import LONGEST_DATA
+
+NO_WAITING_MS = -1  # a time limit that has passed already: what is there now, or a timeout
+ARGUMENTS = {  # of each operation on a handle
+    "set_configuration": 1,
+    "get_configuration": 0,
+    "set_interface_altsetting": 2,
+    "claim_interface": 1,
+    "release_interface": 1,
+    "clear_halt": 1,
+    "reset_device": 0,
+    "bulk_read": 4,
+    "bulk_write": 3,
+    "ctrl_transfer": 6,
+}
+Answer = tuple[Any, bytes]
+
+
+def are_arguments(op: str, args: Any) -> bool:
+    """Tell whether ``args`` are those of an operation: so many whole numbers that a USB field could hold."""
+    return (
+        isinstance(args, list)
+        and len(args) == ARGUMENTS.get(op, -1)
+        and all(type(a) is int and 0 <= a < 1 << 32 for a in args)
+    )
+
+
+def read(backend: SimUsbBackend, handle: Any, endpoint: int, interface: int, length: int) -> Answer:
+    """Take what has come in on an endpoint."""
+    block = array("B", bytes(min(length, LONGEST_DATA)))
+    got = backend.bulk_read(handle, endpoint, interface, block, NO_WAITING_MS)
+    return None, block[:got].tobytes()
+
+
+def writer(backend: SimUsbBackend, handle: Any, endpoint: int, interface: int, data: bytes) -> Callable[[], Answer]:
+    """Make the attempts of one OUT transfer: the first moves the data over the bus, the others offer them again."""
+    moved = False
+
+    def attempt() -> Answer:
+        nonlocal moved
+        if not moved:
+            moved = True
+            backend.bulk_write(handle, endpoint, interface, array("B", data), NO_WAITING_MS)
+        elif not handle.device.offer(endpoint, data):
+            raise errors.timed_out()
+        return len(data), b""
+
+    return attempt
+
+
+def control(backend: SimUsbBackend, handle: Any, args: list[int], data: bytes) -> Answer:
+    """Carry out a control transfer."""
+    kind, request, value, index, length, timeout_ms = args
+    to_host = bool(kind & 0x80)
+    block = array("B", bytes(min(length, LONGEST_DATA)) if to_host else data)
+    done = backend.ctrl_transfer(handle, kind, request, value, index, block, timeout_ms)
+    return done, block[:done].tobytes() if to_host else b""
+
+
+def refused(question: dict[str, Any]) -> Answer:
+    """Refuse a question that makes no sense."""
+    raise errors.not_supported(f"the question {question}")
