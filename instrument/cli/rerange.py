@@ -57,6 +57,10 @@ def checked_method(name: str | None) -> Literal["half-maximum", "template"] | No
     ------
     BadInput
     """
-    if name is None or name == "half-maximum" or name == "template":
-        return name
+    if name is None:
+        return None
+    if name == "template":
+        return "template"
+    if name == "half-maximum":
+        return "half-maximum"
     raise BadInput(f"--estimator {name!r}: give half-maximum or template")
