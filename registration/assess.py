@@ -92,7 +92,7 @@ def assess(scan: Scan, solution: Solution, asked: Asked, findings: list[str]) ->
         predict(name, position, covariance, centre, bias * asked.range_bias_mm)
         for name, position in named_targets(asked.targets, centre)
     ]
-    rotation_sd = float(np.degrees(np.sqrt(np.trace(covariance[:3, :3]))))
+    rotation_sd = min(180.0, float(np.degrees(np.sqrt(np.trace(covariance[:3, :3])))))
     found = stiffness(rows, sigma[used], radius)
     measures = residual_measures(closest.signed_mm[used])
     evidence = Evidence(

@@ -58,14 +58,14 @@ def load(key: str) -> Prepared | None:
     """Read a prepared model; None when it is not there or cannot be read."""
     path = _path(key)
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             header = json.loads(str(stored["header"]))
             report = _report(header["report"])
             views = tuple(_view(stored, index) for index in range(header["views"]))
             return stored["vertices"], stored["faces"], report, views
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
+    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
         return None  # a damaged or foreign file: the caller prepares anew and replaces it
 
 

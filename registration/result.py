@@ -41,8 +41,8 @@ class Registration:
     model_from_scanner : (4, 4) array
         Rigid pose, ``p_model = model_from_scanner @ p_scanner``, mm.
     covariance : (6, 6) array
-        Of (rotation rad, translation mm), a small motion in the model frame about `centre`; infinite entries on the
-        diagonal mean a free motion.
+        Of (rotation rad, translation mm), a small motion in the model frame about `centre`; a standard
+        deviation of a metre means that the motion is free.
     centre : (3,) array
         Centroid of the registered inliers, model frame, mm.
     verdict : {"pass", "caution", "fail"}
@@ -57,7 +57,7 @@ class Registration:
         Measures of S 3.4.1 of the dissertation over the inliers.
     targets : list of Target
     predicted_rotation_deg : float
-        Root mean square rotation error predicted (total over three axes).
+        Root mean square rotation error predicted (total over three axes), 180 at most.
     weak_directions : list of sentences
         The motions that the data hold worst, worst first.
     rivals : list of Rival

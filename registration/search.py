@@ -28,6 +28,9 @@ STARTS = 256
 MAX_RACES = 6
 """Races run at most while the best minimum is not sure."""
 
+WHOLE_RACES = 3
+"""Races run at least on a whole model: manufactured bodies are symmetric, and their rivals should be seen."""
+
 SURE_HITS = 3
 """A minimum that so many finishers of one race reach, or that wins two races, is sure."""
 
@@ -36,6 +39,9 @@ START_CONE_DEG = 25.0
 
 POLISHED_POINTS = 1500
 """Candidates are polished on at most so many points; all take part in the exact finish."""
+
+FINALISTS = 6
+"""Candidates of a race that are polished to the end."""
 
 SAME_DEG, SAME_MM = 2.0, 1.0
 """Poses nearer than this are one minimum."""
@@ -102,11 +108,12 @@ class Search:
         if not any(self.centres):
             raise StartError("no sphere of the model's socket fits the points: give landmarks or a pose to start from")
         found: list[Candidate] = []
+        least = WHOLE_RACES if any(view.whole for view in self.model.views) else 1
         for draw in range(MAX_RACES):
             for view, centres in zip(self.model.views, self.centres, strict=True):
                 if centres:
                     found = merged(found, self._raced(view, centres, draw), self.middle)
-            if found[0].hits >= SURE_HITS:
+            if found[0].hits >= SURE_HITS and draw + 1 >= least:
                 break
         return found
 
@@ -137,7 +144,11 @@ class Search:
         first, hits = distinct(finishers)
         points = np.ascontiguousarray((self.thin.points - centre).T, dtype=np.float32)
         beams = np.ascontiguousarray(self.thin.beams.T, dtype=np.float32)
-        polished, likelihood = polish(view.fine, finishers.at(first), points, beams, self.thin_around, self.sigma_mm)
+        around, sigma = self.thin_around, self.sigma_mm
+        polished, likelihood = polish(view.fine, finishers.at(first), points, beams, around, sigma)
+        best = np.argsort(-likelihood, kind="stable")[:FINALISTS]
+        polished, likelihood = polish(view.fine, polished.at(best), points, beams, around, sigma)
+        hits = hits[best]
         rotation = polished.rotations.astype(np.float64)
         poses = pose(rotation, view.centre + polished.shifts - rotation @ centre)
         found = [Candidate(p, float(v), int(h)) for p, v, h in zip(poses, likelihood, hits, strict=True)]

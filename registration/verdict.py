@@ -46,6 +46,9 @@ class Evidence:
     sure: bool
 
 
+FREE = {"deg": 90.0, "mm": 100.0}
+"""Predicted errors beyond these mean that nothing holds the motion."""
+
 MIN_SHARE = 0.25
 """Fewer points on the model than this share are no registration."""
 
@@ -100,7 +103,8 @@ def judge(evidence: Evidence, tolerance: Tolerance) -> tuple[Verdict, list[str]]
 def _judge_size(what: str, value: float, limit: float, unit: str, fails: list[str], cautions: list[str]) -> None:
     if value <= limit:
         return
-    sentence = (
-        f"The predicted {what} reaches {value:.2f} {unit} (95 %), the limit is {limit:g} {unit}: scan more of the bone."
-    )
-    (fails if not value <= 2.0 * limit else cautions).append(sentence)
+    if value > FREE[unit]:
+        fails.append(f"The points leave the {what} free: scan a region with more shape, or more of the bone.")
+        return
+    sentence = f"The predicted {what} reaches {value:.2f} {unit} (95 %), the limit is {limit:g} {unit}: scan more."
+    (fails if value > 2.0 * limit else cautions).append(sentence)

@@ -83,15 +83,17 @@ def start_view(surface: Surface, centre: FloatArray, axis: FloatArray, reach_mm:
 
 
 def _view(surface: Surface, centre: FloatArray, radius: float, axis: FloatArray, reach: float) -> View:
-    near = np.linalg.norm(surface.vertices - centre, axis=1) < reach + MARGIN_MM
-    asked = near[surface.faces].any(axis=1)
+    corners = surface.vertices[surface.faces]
+    middle = corners.mean(axis=1)
+    span = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
+    asked = np.linalg.norm(middle - centre, axis=1) < reach + MARGIN_MM + span
     if not asked.any():
         raise StartError("the start pose aims beside the model: no part of it is within reach of the points")
     cropped = part(surface, asked)
     shell = visible_shell(surface, axis, SHELL_CONE_DEG, only=cropped)
     shell = Surface(shell.vertices - centre, shell.faces)
-    inside = shell.vertices[np.linalg.norm(shell.vertices, axis=1) < reach]
-    fine, coarse = build_fields(shell, inside.min(axis=0) - MARGIN_MM, inside.max(axis=0) + MARGIN_MM)
+    low, high = np.maximum(shell.vertices.min(axis=0), -reach), np.minimum(shell.vertices.max(axis=0), reach)
+    fine, coarse = build_fields(shell, low - MARGIN_MM, high + MARGIN_MM)
     return View(centre, radius, axis, fine, coarse)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -55,6 +55,14 @@ class SimulatedScan:
     truth: np.ndarray
     landmarks: list[dict[str, object]]
     grid: np.ndarray
+
+
+@pytest.fixture(scope="session", autouse=True)
+def cache_of_the_run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Prepared models go to a folder of this run, never to the user's."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PICORADAR_CACHE", str(tmp_path_factory.mktemp("models")))
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -75,10 +75,10 @@ def test_isotropic_tre_check_values() -> None:
 def test_isotropic_tre_by_simulation() -> None:
     rng = np.random.default_rng(1)
     squared = []
-    for _ in range(4000):
+    for _ in range(2500):
         noisy = FIDUCIALS + rng.normal(0.0, 0.3 / np.sqrt(3.0), FIDUCIALS.shape)
         squared.append(((transform(horn(noisy, FIDUCIALS), TARGET[None])[0] - TARGET) ** 2).sum())
-    assert np.sqrt(np.mean(squared)) == pytest.approx(0.3385, rel=0.03)
+    assert np.sqrt(np.mean(squared)) == pytest.approx(0.3385, rel=0.04)
 
 
 def test_fre_ratio_by_simulation() -> None:
@@ -86,9 +86,9 @@ def test_fre_ratio_by_simulation() -> None:
     fiducials = rng.normal(size=(6, 3)) * 40.0
     fre2 = [
         paired_points(fiducials + rng.normal(0.0, 0.5 / np.sqrt(3.0), (6, 3)), fiducials).fre_mm ** 2
-        for _ in range(3000)
+        for _ in range(1000)
     ]
-    assert np.sqrt(np.mean(fre2) / 6.0) / 0.5 * 6**0.5 == pytest.approx(np.sqrt(1.0 - 2.0 / 6.0), rel=0.03)
+    assert np.sqrt(np.mean(fre2) / 6.0) / 0.5 * 6**0.5 == pytest.approx(np.sqrt(1.0 - 2.0 / 6.0), rel=0.05)
 
 
 def anisotropic_sigma() -> np.ndarray:
@@ -112,13 +112,13 @@ def test_anisotropic_weighting_by_simulation() -> None:
     deviation = np.sqrt(np.diagonal(sigma, axis1=1, axis2=2))
     truth = random_pose(9)
     squared = []
-    for _ in range(1500):
+    for _ in range(400):
         noisy = transform(truth, FIDUCIALS) + rng.normal(size=(4, 3)) * deviation
         found = paired_points(noisy, FIDUCIALS, fixed_covariance=sigma).fixed_from_moving
         squared.append(((transform(found, FIDUCIALS) - transform(truth, FIDUCIALS))[3] ** 2).sum())
     predicted = paired_points(transform(truth, FIDUCIALS), FIDUCIALS, fixed_covariance=sigma)
     at_last_fiducial = float(predicted.tre(transform(truth, FIDUCIALS)[3]))
-    assert np.sqrt(np.mean(squared)) == pytest.approx(at_last_fiducial, rel=0.06)
+    assert np.sqrt(np.mean(squared)) == pytest.approx(at_last_fiducial, rel=0.1)
 
 
 def test_equal_isotropic_covariances_are_the_closed_form() -> None:

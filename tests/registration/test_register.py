@@ -34,7 +34,7 @@ def test_a_clean_scan_with_landmarks_ends_well_inside_a_degree_and_a_millimetre(
 def test_the_dissertations_method_registers_and_improves_monotonically(
     socket: registration.Model, scan_of: Callable[..., Any]
 ) -> None:
-    scan = scan_of(socket, 1, n=24)
+    scan = scan_of(socket, 1, n=16)
     found = registration.register(scan.points, socket, start=scan.landmarks, method="dissertation")
     error = registration.pose_error(found.model_from_scanner, scan.truth, np.zeros(3))
     assert error.rotation_deg < 2.0

@@ -1,0 +1,70 @@
+"""Prepared models on disk: ready at once, by content, and never trusted when damaged."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import registration
+
+
+def files(folder: Path) -> list[Path]:
+    return sorted(folder.glob("*"))
+
+
+@pytest.fixture(scope="module")
+def small() -> registration.Model:
+    """A coarse hemisphere, quickly prepared."""
+    u, v = np.meshgrid(np.linspace(0.05, 1.4, 16), np.linspace(0, 2 * np.pi, 32, endpoint=False), indexing="ij")
+    vertices = 15.0 * np.stack([np.sin(u) * np.cos(v), np.sin(u) * np.sin(v), -np.cos(u)], axis=-1).reshape(-1, 3)
+    a = (np.arange(15)[:, None] * 32 + np.arange(32)).ravel()
+    b = (np.arange(15)[:, None] * 32 + (np.arange(32) + 1) % 32).ravel()
+    faces = np.concatenate([np.stack([a, b, b + 32], axis=1), np.stack([a, b + 32, a + 32], axis=1)])
+    return registration.prepare_model(vertices, faces)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("PICORADAR_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def test_the_second_preparation_reads_what_the_first_wrote(small: registration.Model, folder: Path) -> None:
+    first = registration.prepare_model(small.vertices, small.faces)
+    (path,) = files(folder)
+    written = path.stat().st_mtime_ns
+    second = registration.prepare_model(small.vertices, small.faces)
+    assert path.stat().st_mtime_ns == written
+    assert second.report == first.report
+    for one, other in zip(first.views, second.views, strict=True):
+        np.testing.assert_array_equal(one.fine.nodes, other.fine.nodes)
+        np.testing.assert_array_equal(one.centre, other.centre)
+        assert one.coarse.shape == other.coarse.shape
+
+
+def test_another_mesh_has_another_file(small: registration.Model, folder: Path) -> None:
+    registration.prepare_model(small.vertices, small.faces)
+    registration.prepare_model(small.vertices + 1.0, small.faces)
+    assert len(files(folder)) == 2
+
+
+@pytest.mark.parametrize("damage", [b"", b"no zip file", None])
+def test_a_damaged_file_is_made_anew(small: registration.Model, folder: Path, damage: bytes | None) -> None:
+    registration.prepare_model(small.vertices, small.faces)
+    (path,) = files(folder)
+    good = path.read_bytes()
+    path.write_bytes(good[: len(good) // 2] if damage is None else damage)
+    model = registration.prepare_model(small.vertices, small.faces)
+    assert len(model.views) == len(small.views)
+    assert len(path.read_bytes()) == len(good)
+
+
+def test_a_folder_that_cannot_be_written_costs_a_warning(
+    small: registration.Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("in the way")
+    monkeypatch.setenv("PICORADAR_CACHE", str(tmp_path / "file" / "cache"))
+    with pytest.warns(RuntimeWarning, match="could not be kept"):
+        registration.prepare_model(small.vertices, small.faces)
