@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from sim.tissue import FOSSA_MM
 from sim.validation.bench import TIMES_PS, Bench, FloatArray
 from sim.validation.figures import Check, Part, axes
 
@@ -58,10 +59,12 @@ def _trace_near(seed: int, response_mv: float) -> FloatArray:
 
 
 def _silent_area(seed: int) -> float:
-    """Area (mm^2) around the fossa where the response stays below 5 mV, on a grid of 0.25 mm."""
+    """Area (mm^2) within 5 mm of the floor of the fossa that sends next to nothing back, on a grid of 0.25 mm."""
     bench = Bench(seed, target="hip", distance_mm=850.0, surgical=True, repeatability_deg=0.0, spot_diameter_mm=0.0)
-    x_mm, y_mm = np.mgrid[-14.0:14.01:0.25, -14.0:14.01:0.25].reshape(2, -1)
-    aim = np.column_stack([x_mm, y_mm, np.full_like(x_mm, 850.0)])
+    pose = bench.scene.scanner_from_model
+    fossa = pose[:3, :3] @ FOSSA_MM + pose[:3, 3]
+    around = np.mgrid[-5.0:5.01:0.25, -5.0:5.01:0.25].reshape(2, -1).T
+    aim = fossa + np.column_stack([around, np.zeros(len(around))])
     hits = bench.scene.cast(np.zeros_like(aim), aim / np.linalg.norm(aim, axis=1, keepdims=True))
     return float(np.count_nonzero(hits.brightness < 0.05) * 0.25**2)
 
