@@ -22,7 +22,7 @@ from sim.thermal import DiodeBlock
 from sim.transmitter import OPERATING_DEGC, OPERATING_V, LaserPulse, Transmitter
 from sim.wires import Acquisition, Supply, TriggerLine
 
-LIGHT_MM_PER_PS = 0.299792458
+LIGHT_MM_PER_PS = 0.299792458 / 1.00027  # in air; group index at 904 nm, 20 degC, 1013 hPa
 TEMPERATURE_GRID_DEGC = 0.01
 
 
