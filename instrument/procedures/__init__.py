@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from instrument.procedures import geometry, gray_target
+from instrument.procedures import distance, drift, geometry, gray_target, prism, scanner, templates
 from instrument.procedures.outcome import Outcome
 from instrument.procedures.station import Station
 
 PROCEDURES: dict[str, Callable[[Station], Outcome]] = {
     gray_target.NAME: gray_target.run,
     geometry.NAME: geometry.run,
+    prism.NAME: prism.run,
+    distance.NAME: distance.run,
+    scanner.NAME: scanner.run,
+    templates.NAME: templates.run,
+    drift.NAME: drift.run,
 }
 
 __all__ = ["PROCEDURES", "Outcome", "Station"]

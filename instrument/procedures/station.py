@@ -12,48 +12,83 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.clock import Clock
-from drivers.interfaces import Identity
+from drivers.interfaces import Galvo, Identity, Sampler
 from instrument.calibration import Calibration, Method
-from instrument.controller import Controller
+from instrument.controller import Between, Controller
 from instrument.errors import Interrupted
-from instrument.geometry import CENTRE_CODE, codes_to_angles, points_from, true_angles
+from instrument.geometry import (
+    CENTRE_CODE,
+    angles_and_range,
+    angles_to_codes,
+    asked_angles,
+    codes_to_angles,
+    points_from,
+    true_angles,
+)
 from instrument.procedures.stage import Stage
 from instrument.ranging import estimate
 from instrument.raster import LinePlan
 from instrument.recording import Cloud, Recording
 from instrument.scan import RasterScan
+from instrument.scan_line import ScanLine
 from instrument.settings import Settings, override
 
 Progress = Callable[[float, str], None]
 STARE_COLUMNS = 50
+WATCH_LOOK_S = 10.0  # from one look at the interlocks to the next while waiting with the laser on
 
 
-class StareScan(RasterScan):
-    """The same place again and again: the raster's lines hold one place as often as they have columns."""
+class PlacesScan(RasterScan):
+    """Any places instead of a raster: ``codes`` (rows, columns, 2) of the scanner; lines begin at their first place."""
 
-    def __init__(self, settings: Settings, calibration: Calibration, clock: Clock, codes: tuple[int, int]) -> None:
-        super().__init__(settings, calibration, clock)
-        self.raster = _Stare(settings, codes)  # type: ignore[assignment]
-
-
-class _Stare:
-    """A raster without extent."""
-
-    def __init__(self, settings: Settings, codes: tuple[int, int]) -> None:
-        self._columns = settings.scan.columns
-        self._field_deg = settings.scanner.field_deg
-        self._codes = np.array(codes, dtype=np.int64)
+    def __init__(self, settings: Settings, calibration: Calibration, clock: Clock, codes: NDArray[np.int64]) -> None:
+        super().__init__(override(settings, {"scan": {"step_mm": 0.01}}), calibration, clock)
+        self._codes = codes
+        self.raster = self  # type: ignore[assignment]
 
     def line(self, row: int) -> LinePlan:
         """Return the plan of one line."""
-        codes = np.tile(self._codes, (self._columns, 1))
+        codes = self._codes[row]
         return LinePlan(
             row=row,
-            columns=np.arange(self._columns, dtype=np.int32),
-            lead_in=self._codes,
+            columns=np.arange(len(codes), dtype=np.int32),
+            lead_in=codes[0],
             codes=codes,
-            angles_rad=codes_to_angles(codes, self._field_deg),
+            angles_rad=codes_to_angles(codes, self.settings.scanner.field_deg),
         )
+
+
+class WatchScan(PlacesScan):
+    """Lines at intervals (s) with the laser on all the time; run ids go on as if records had been taken throughout."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        calibration: Calibration,
+        clock: Clock,
+        codes: NDArray[np.int64],
+        interval_s: float,
+    ) -> None:
+        super().__init__(settings, calibration, clock, codes)
+        self._interval_s = interval_s
+        record_s = self.sweep.averages * (self.sweep.samples + self.sweep.settle_shots) / self.sweep.prf_hz
+        self._records_a_line = max(int(interval_s / record_s), int(codes.shape[1]))
+        self._next_s = clock.now()
+
+    def run_id(self, row: int, column: int) -> int:
+        """Get the run id of a place."""
+        return row * self._records_a_line + column + 1
+
+    def take_line(self, row: int, galvo: Galvo, sampler: Sampler, between: Between) -> ScanLine:
+        """Wait for the line's time, then take it; looks at the interlocks meanwhile."""
+        if row > 0:
+            while (left_s := self._next_s - self.clock.now()) > 0:
+                between()
+                self.clock.sleep(min(left_s, WATCH_LOOK_S))
+        else:
+            self._next_s = self.clock.now()
+        self._next_s += self._interval_s
+        return super().take_line(row, galvo, sampler, between)
 
 
 @dataclass(frozen=True)
@@ -140,8 +175,26 @@ class Station:
         columns = min(readings, STARE_COLUMNS)
         rows = -(-readings // columns)
         settings = override(self.settings, {"scan": {"rows": rows, "columns": columns, "averages": averages}})
-        place = codes or (CENTRE_CODE, CENTRE_CODE)
-        return self._take(name, StareScan(settings, self.calibration, self.clock, place))
+        place = np.array(codes or (CENTRE_CODE, CENTRE_CODE), dtype=np.int64)
+        every = np.broadcast_to(place, (rows, columns, 2))
+        return self._take(name, PlacesScan(settings, self.calibration, self.clock, every))
+
+    def aim(self, name: str, places_mm: NDArray[np.float64], *, averages: int | None = None) -> Path:
+        """Send the beam to each of some places (rows, columns, 3) in mm and return the recording.
+
+        Raises
+        ------
+        LimitError
+            When a place is outside the scanner's span.
+        Interrupted
+            When a person stopped it.
+        """
+        rows, columns, _ = places_mm.shape
+        settings = override(self.settings, {"scan": {"rows": rows, "columns": columns, "averages": averages}})
+        wanted, _ = angles_and_range(places_mm.reshape(-1, 3), self.calibration.mirror_separation_mm)
+        asked = asked_angles(wanted, self.calibration.scanner)
+        codes = angles_to_codes(asked, settings.scanner.field_deg).reshape(rows, columns, 2)
+        return self._take(name, PlacesScan(settings, self.calibration, self.clock, codes))
 
     def scan(
         self, name: str, *, rows: int, columns: int, step_mm: float, distance_mm: float, averages: int | None = None
@@ -156,6 +209,18 @@ class Station:
         changes = {"rows": rows, "columns": columns, "step_mm": step_mm, "distance_mm": distance_mm}
         settings = override(self.settings, {"scan": {**changes, "averages": averages}})
         return self._take(name, RasterScan(settings, self.calibration, self.clock))
+
+    def watch(self, name: str, groups: int, readings: int, interval_s: float) -> Path:
+        """Take groups of readings straight ahead, one after each interval with the laser on; return the recording.
+
+        Raises
+        ------
+        Interrupted
+            When a person stopped it.
+        """
+        settings = override(self.settings, {"scan": {"rows": groups, "columns": readings, "averages": None}})
+        centre = np.full((groups, readings, 2), CENTRE_CODE, dtype=np.int64)
+        return self._take(name, WatchScan(settings, self.calibration, self.clock, centre, interval_s))
 
     def stamped(self, calibration: Calibration, provenance: str, **changes: Any) -> Calibration:
         """Return a calibration with new values and with date, provenance and instrument of this run."""

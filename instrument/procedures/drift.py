@@ -1,0 +1,174 @@
+"""`drift`: range and timing walk over hours, with and without the reference; Allan deviation; warm-up time (S 2.5)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from instrument.procedures.findings import lost_readings, refused
+from instrument.procedures.outcome import Outcome, Plot, Readings
+from instrument.procedures.stage import Placing
+from instrument.procedures.station import Station, traces_of
+from instrument.ranging import estimate
+from instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FloatArray = NDArray[np.float64]
+
+NAME = "drift"
+BRIGHT, DARK = 0.7, 0.28  # reflectances; their difference shows whether the walk drifts
+LIMIT_MM = 0.1  # of the mean range with the reference, over the whole time
+WARM_MM = 0.1  # warm when the range without reference changes less than this in the time given
+WARM_SPAN_S = 600.0
+REMEDY = "Leave the plate where it is for the whole time, keep the room steady, and run this again."
+
+
+def run(station: Station, *, hours: float = 2.0, interval_s: float = 120.0, readings: int = 10) -> Outcome:
+    """Watch a plate for hours, and a darker one at the end.
+
+    Parameters
+    ----------
+    station : Station
+    hours : float
+        How long.
+    interval_s : float
+        From one group of readings to the next.
+    readings : int
+        Readings in a group.
+    """
+    station.progress(0.0, "watching the plate")
+    told_mm = station.stage.place(Placing("plate", 1000.0, gray=BRIGHT))
+    groups = max(int(hours * 3600 / interval_s), 10)
+    bright = _watch(station, "bright", groups, readings, interval_s)
+    if lost := lost_readings(int(np.isfinite(bright.range_mm).sum()), bright.range_mm.size, "the plate"):
+        return refused(NAME, lost, REMEDY)
+    station.progress(0.8, "watching a darker plate")
+    station.stage.place(Placing("plate", 1000.0, gray=DARK))
+    dark = _watch(station, "dark", max(groups // 4, 5), readings, interval_s)
+    if lost := lost_readings(int(np.isfinite(dark.range_mm).sum()), dark.range_mm.size, "the darker plate"):
+        return refused(NAME, lost, REMEDY)
+    return _judged(bright, dark, told_mm, interval_s)
+
+
+class _Watched:
+    """Groups of readings: times (G,) s, ranges (G, R) mm, and what the echo alone would give, less its first group."""
+
+    def __init__(self, times_s: FloatArray, range_mm: FloatArray, echo_ps: FloatArray) -> None:
+        self.times_s = times_s - times_s[0]
+        self.range_mm = range_mm
+        self.mean_mm: FloatArray = np.nanmean(range_mm, axis=1)
+        alone = np.nanmean(echo_ps, axis=1) * RANGE_PER_INTERVAL_MM_PER_PS
+        self.alone_mm: FloatArray = alone - alone[0]
+
+
+def _watch(station: Station, name: str, groups: int, readings: int, interval_s: float) -> _Watched:
+    path = station.watch(name, groups, readings, interval_s)
+    records = traces_of(path)
+    found = estimate(
+        records.traces_mv,
+        records.times_ps,
+        method=station.best_method,
+        calibration=station.calibration,
+        sweeps=records.sweeps,
+    )
+    shape = (groups, readings)
+    times_s = records.began_s.reshape(shape)[:, 0]
+    return _Watched(times_s, found.range_mm.reshape(shape), found.echo_ps.reshape(shape))
+
+
+def _judged(bright: _Watched, dark: _Watched, told_mm: float, interval_s: float) -> Outcome:
+    error = bright.mean_mm - bright.mean_mm.mean()
+    standard = float(np.nanmedian(np.nanstd(bright.range_mm, axis=1, ddof=1)) / bright.range_mm.shape[1] ** 0.5)
+    spans, with_reference = allan_deviation(bright.mean_mm, interval_s)
+    _, without = allan_deviation(bright.alone_mm, interval_s)
+    warm_s = _warm_after(bright, interval_s)
+    largest, alone = float(np.abs(error).max()), float(np.abs(bright.alone_mm).max())
+    passed = largest <= LIMIT_MM
+    figures: dict[str, float | int | str | bool | None] = {
+        "hours": float(bright.times_s[-1] / 3600),
+        "largest_with_reference_mm": largest,
+        "largest_without_reference_mm": alone,
+        "standard_error_of_a_group_mm": standard,
+        "mean_error_mm": float(bright.mean_mm.mean() - told_mm),
+        "walk_between_bright_and_dark_mm": float(dark.mean_mm.mean() - bright.mean_mm.mean()),
+        "walk_drift_mm": float(np.abs(dark.mean_mm - dark.mean_mm.mean()).max()),
+        "least_allan_deviation_mm": float(with_reference.min()),
+        "best_averaging_time_s": float(spans[np.argmin(with_reference)]),
+        "warm_after_s": warm_s,
+    }
+    warm = "did not become steady" if warm_s is None else f"was steady after {warm_s / 60:.0f} min"
+    return Outcome(
+        NAME,
+        passed,
+        [
+            f"In {figures['hours']:.1f} h the range moved by at most {largest:.3f} mm with the reference in every "
+            f"record, and by {alone:.2f} mm with the echo alone: that is why an attempt without it fails (S 2.5).",
+            f"The timing without reference {warm} after warm-up of the diode.",
+        ],
+        "Nothing to do." if passed else REMEDY,
+        (f"{largest:.3f} mm", "largest change of the range with reference (at most 0.1 mm)"),
+        figures,
+        [
+            Plot("time", "Range over time", _TIME, lambda figure: _draw_time(figure, bright, error)),
+            Plot("allan", "Allan deviation", _ALLAN, lambda f: _draw_allan(f, spans, with_reference, without)),
+        ],
+        {"bright": _readings(bright), "dark": _readings(dark)},
+    )
+
+
+_TIME = "Means of the groups: with the reference in every record, and with the echo alone as if it were measured once."
+_ALLAN = "Falling as one over the square root: noise. Rising: drift. The dashed line is noise alone."
+
+
+def allan_deviation(values: FloatArray, interval_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return averaging times (s) and overlapping Allan deviations of evenly spaced values.
+
+    For m values at a time: half the mean square of the differences of neighbouring means (Allan, Proc. IEEE 54 (1966)
+    221; overlapping as in Riley, NIST SP 1065, eq. 9).
+    """
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    sizes = np.unique(np.geomspace(1, max(len(values) // 3, 1), 12).astype(int))
+    result = []
+    for m in sizes:
+        means = (sums[m:] - sums[:-m]) / m
+        result.append(np.sqrt(0.5 * np.mean((means[m:] - means[:-m]) ** 2)))
+    return sizes * interval_s, np.array(result)
+
+
+def _warm_after(watched: _Watched, interval_s: float) -> float | None:
+    """Return when the range without reference has begun to stay within `WARM_MM` for `WARM_SPAN_S`."""
+    span = max(int(WARM_SPAN_S / interval_s), 1)
+    for first in range(len(watched.alone_mm) - span):
+        part = watched.alone_mm[first : first + span + 1]
+        if float(np.ptp(part)) <= 2 * WARM_MM:
+            return float(watched.times_s[first])
+    return None
+
+
+def _readings(watched: _Watched) -> Readings:
+    columns = ("time_s", "without_reference_mm", *(f"range_{n + 1}_mm" for n in range(watched.range_mm.shape[1])))
+    return Readings(columns, np.column_stack([watched.times_s, watched.alone_mm, watched.range_mm]))
+
+
+def _draw_time(figure: Figure, watched: _Watched, error: FloatArray) -> None:
+    axes = figure.subplots()
+    minutes = watched.times_s / 60
+    axes.plot(minutes, watched.alone_mm, "o-", ms=3, lw=0.8, color="tab:orange", label="without reference")
+    axes.plot(minutes, error, "o-", ms=3, lw=0.8, color="tab:blue", label="with reference")
+    axes.set(xlabel="time, min", ylabel="change of the range, mm")
+    axes.grid(alpha=0.3)
+    axes.legend(frameon=False)
+
+
+def _draw_allan(figure: Figure, spans: FloatArray, with_reference: FloatArray, without: FloatArray) -> None:
+    axes = figure.subplots()
+    axes.loglog(spans, without, "o-", color="tab:orange", label="without reference")
+    axes.loglog(spans, with_reference, "o-", color="tab:blue", label="with reference")
+    axes.loglog(spans, with_reference[0] * (spans / spans[0]) ** -0.5, "--", color="0.5", lw=1)
+    axes.set(xlabel="averaging time, s", ylabel="Allan deviation of the range, mm")
+    axes.grid(alpha=0.3, which="both")
+    axes.legend(frameon=False)
