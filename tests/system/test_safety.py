@@ -143,19 +143,21 @@ def test_a_pause_is_dark_and_goes_on(radar: Any) -> None:
     assert (outcome.stop_reason, outcome.lines) == ("complete", 4)
 
 
-def test_the_scan_waits_for_a_warm_diode_and_says_why(radar: Any) -> None:
+def test_the_scan_waits_for_a_warm_diode_and_says_why(make_radar: Callable[..., Any]) -> None:
+    radar = make_radar({"scan": {"rows": 10}})
+    radar.get_ready()
     why: list[list[str]] = []
 
     def warm() -> None:
         now = radar.clock.now()
         heat = {"kind": "diode_disturbed", "lasts_s": 1.2, "parameters": {"current_a": 4.0}}
         arm(radar.sim, [Fault.model_validate({**heat, "at": {"time_s": now}})])
-        radar.clock.call_at(now + 2.0, lambda: why.append([radar.controller.state, *radar.controller.why()]))
+        radar.clock.call_at(now + 4.5, lambda: why.append([radar.controller.state, *radar.controller.why()]))
 
     outcome = radar.scan(at_line(radar, 0, warm))
     assert why[0][0] == "suspended"
     assert "diode temperature" in why[0][1]
-    assert (outcome.stop_reason, outcome.lines, len(outcome.suspended)) == ("complete", 4, 1)
+    assert (outcome.stop_reason, outcome.lines, len(outcome.suspended)) == ("complete", 10, 1)
 
 
 def test_the_gate_closes_by_itself_when_the_host_dies(radar: Any) -> None:
