@@ -7,7 +7,10 @@ trigger line; that of the sampling bridge is passed on. Source: protocol sheets 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from drivers.clock import Clock
 from drivers.errors import DeviceError, DeviceFault, LimitError, ProtocolError, Timeout, check_range
@@ -26,6 +29,8 @@ AVERAGES_MAX = 4096
 STEP_MIN_PS = 0.1
 STEP_MAX_PS = 1e6
 QUIET_S = 0.5
+CODES = 50_000  # of a record over the vertical range: finer than the instrument's own, so nothing is lost
+CODES_BELOW = 5_000  # room below the range, so that noise there stays positive
 
 
 def oscilloscope_link(
@@ -72,6 +77,16 @@ class Oscilloscope:
         self._device = tmc.link.device
         self._identity = Identity("oscilloscope")
         self._sweep: SweepSettings | None = None
+
+    @property
+    def zero_code(self) -> float:
+        """Get the code of 0 V in the records: a fixed scale over the vertical range, whatever the instrument's own."""
+        return CODES_BELOW + (self.full_scale_v / 2 - self.offset_v) * 1e3 / self.mv_per_code
+
+    @property
+    def mv_per_code(self) -> float:
+        """Get the size of a code in the records, mV."""
+        return self.full_scale_v * 1e3 / CODES
 
     def open(self) -> None:
         """Open gate and instrument, set its answers to numbers without headers, and identify it."""
@@ -178,6 +193,11 @@ class Oscilloscope:
         if self.gate is not None:
             self.gate.heartbeat()
 
+    def clear_lockout(self) -> None:
+        """End a lock-out of the gate."""
+        if self.gate is not None:
+            self.gate.clear_lockout()
+
     def stop(self) -> None:
         """Abort the acquisition and empty all buffers (device clear)."""
         self.tmc.clear()
@@ -213,9 +233,11 @@ class Oscilloscope:
             preamble = Preamble.decode(self._ask(":WAVeform:PREamble?"))
             codes = decode_words(decode_block(self.tmc.query(b":WAVeform:DATA?\n")), preamble)
             self._check_axis(preamble, sweep)
-            return waveform_record(preamble, codes, run_id=run_id, number=number, time_us=round(begin * 1e6))
+            taken = waveform_record(preamble, codes, run_id=run_id, number=number, time_us=round(begin * 1e6))
         except BadWaveform as error:
             raise ProtocolError(self._device, str(error)) from error
+        sums = np.rint(taken.trace_mv / self.mv_per_code + self.zero_code).astype(np.uint32)
+        return replace(taken, sums=sums, zero_code=self.zero_code, mv_per_code=self.mv_per_code)
 
     def _check_axis(self, preamble: Preamble, sweep: SweepSettings) -> None:
         first_ps = (preamble.x_origin - preamble.x_reference * preamble.x_increment) * 1e12

@@ -13,11 +13,14 @@ from drivers.dg645 import DG645
 from drivers.errors import LinkLost
 from drivers.genesys import Genesys
 from drivers.helios import Helios, helios_link
+from drivers.interfaces import Sampler
 from drivers.mecom import Tec
+from drivers.oscilloscope import Oscilloscope, oscilloscope_link
 from drivers.pulser import Pulser
 from drivers.sampling_bridge import SamplingBridge, bridge_link
 from drivers.serial_link import SerialLink
 from drivers.transcript import Transcript
+from drivers.usbtmc import Usbtmc
 from instrument.bench import Bench
 from instrument.errors import BadInput
 from instrument.settings import Links
@@ -78,6 +81,17 @@ class DeviceMaker:
         link.transcript = self._transcript
         return SamplingBridge(link)
 
+    def oscilloscope(self) -> Oscilloscope:
+        """Make the sampling oscilloscope; the gate in the trigger line stays with the bridge."""
+        serial_number = self.links.oscilloscope_serial or None
+        link = oscilloscope_link(self.clock, serial_number=serial_number, backend=self._backend())
+        link.transcript = self._transcript
+        return Oscilloscope(Usbtmc(link), gate=self.bridge())
+
+    def sampler(self) -> Sampler:
+        """Make the sampler that the settings choose."""
+        return self.oscilloscope() if self.links.sampler == "oscilloscope" else self.bridge()
+
     def _serial(self, key: str, device: str, url: str, baud: int, *, timeout_s: float = 1.0) -> SerialLink:
         if not url:
             raise BadInput(f"settings: links.{key} is empty; give the port or URL of that device")
@@ -112,7 +126,7 @@ def make_bench(links: Links, clock: Clock, usb_backend: Any = None, transcript: 
         pulser=Pulser(make.dg645(), make.genesys(), clock),
         diode=make.tec(),
         galvo=make.helios(),
-        sampler=make.bridge(),
+        sampler=make.sampler(),
     )
 
 

@@ -36,6 +36,10 @@ class Links(Section):
     tec_baud: int = Field(57600, ge=4800, le=1000000, description="its baud rate")
     tec_address: int = Field(1, ge=0, le=254, description="its address")
     bridge_serial: str = Field("", description="serial number of the sampling bridge; empty: the only one on the bus")
+    sampler: Literal["bridge", "oscilloscope"] = Field(
+        "bridge", description="what takes the traces; with the oscilloscope the bridge is the gate only"
+    )
+    oscilloscope_serial: str = Field("", description="serial number of the oscilloscope; empty: the only one there")
     usb_backend: str = Field("", description="module:function that makes a pyusb backend; empty: libusb")
     usb_address: str = Field("", description="argument of that function")
     speed: float = Field(1.0, gt=0, le=50, description="pace of a served simulated bench; real devices run at 1")

@@ -15,6 +15,7 @@ from sim.firmware.dg645 import Dg645Firmware
 from sim.firmware.genesys import GenesysFirmware
 from sim.firmware.helios import HeliosFirmware
 from sim.firmware.mecom import TecFirmware
+from sim.firmware.oscilloscope import OscilloscopeFirmware
 from sim.firmware.sampling_bridge import SamplingBridgeFirmware
 from sim.noise import Noise
 from sim.operator import clicks, scale_reading
@@ -27,13 +28,14 @@ from sim.targets import landmarks, load_target, place_target
 from sim.thermal import DiodeBlock
 from sim.truth import BenchTruth
 from sim.usb.backend import SimUsbBackend
+from sim.usb.firmware import UsbFirmware
 from sim.wires import InterlockChain, TriggerLine
 
 TUNED = {3010: 1000.0, 3011: 2.0}  # Kp in % of the current limit per K, Ti in s
 
 
 class SimulatedBench:
-    """Five devices and the light between them; reached by unchanged drivers through `urls` and `usb_backend`.
+    """All devices and the light between them; reached by unchanged drivers through `urls` and `usb_backend`.
 
     Parameters
     ----------
@@ -100,6 +102,9 @@ class SimulatedBench:
         self.helios = HeliosFirmware(self.clock, self.servo)
         self.bridge = SamplingBridgeFirmware(self.clock, self.trigger, self.interlock, self.signal)
         self.helios.on_marker.append(self.bridge.advance)  # the blue line is wired to the advance input
+        self.oscilloscope = OscilloscopeFirmware(
+            self.clock, self.trigger, self.signal, gate_open=lambda: self.bridge.gate_open
+        )
         self.truth = BenchTruth(self.optics)
 
         self._scale_readings = 0
@@ -108,7 +113,12 @@ class SimulatedBench:
         self.serial_taps = {device: SerialTap(firmware) for device, firmware in serial.items()}
         self.wires = {device: SerialWire(tap, self.clock) for device, tap in self.serial_taps.items()}
         self.urls = {device: publish(name, device, wire) for device, wire in self.wires.items()}
-        self.usb_taps = {"helios": UsbTap(self.helios, self.clock), "bridge": UsbTap(self.bridge, self.clock)}
+        usb: dict[str, UsbFirmware] = {
+            "helios": self.helios,
+            "bridge": self.bridge,
+            "oscilloscope": self.oscilloscope,
+        }
+        self.usb_taps = {device: UsbTap(firmware, self.clock) for device, firmware in usb.items()}
         self.usb_backend = SimUsbBackend(self.clock, self.usb_taps.values())
 
     def place(self, target: str, pose: Pose, *, reflectance: float | None = None) -> None:

@@ -54,6 +54,7 @@ class Simulated:
         except ValueError as error:
             raise BadInput(str(error)) from error
         self._scan = settings.scan
+        self._links = settings.links
         self.faults: list[dict[str, Any]] = []
         if faults is not None:
             self._arm(faults)
@@ -72,7 +73,7 @@ class Simulated:
     @property
     def links(self) -> Links:
         """Get the links to the simulated devices."""
-        return Links(**self.bench.urls)
+        return Links.model_validate({**self._links.model_dump(), **self.bench.urls})
 
     @property
     def usb_backend(self) -> Any:
