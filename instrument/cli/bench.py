@@ -111,10 +111,12 @@ def _measure(run: Session, folder: Path, name: str, date: datetime.datetime | No
 
 
 def _station(run: Session, folder: Path, progress: Progress, date: datetime.datetime | None) -> Station:
+    from instrument.cli.light_meters import SimulatedLightMeters
     from instrument.cli.stages import PersonStage, SimulatedStage
     from instrument.procedures.station import Station
 
     stage = PersonStage() if run.simulated is None else SimulatedStage(run.simulated)
+    meters = None if run.simulated is None else SimulatedLightMeters(run.simulated)
     return Station(
         run.controller,
         run.settings,
@@ -124,6 +126,7 @@ def _station(run: Session, folder: Path, progress: Progress, date: datetime.date
         folder,
         progress,
         date,
+        meters,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from instrument.procedures import distance, drift, geometry, gray_target, prism, scanner, templates
+from instrument.procedures import distance, drift, geometry, gray_target, prism, scanner, templates, transmitter
 from instrument.procedures.outcome import Outcome
 from instrument.procedures.station import Station
 
@@ -16,6 +16,7 @@ PROCEDURES: dict[str, Callable[[Station], Outcome]] = {
     scanner.NAME: scanner.run,
     templates.NAME: templates.run,
     drift.NAME: drift.run,
+    transmitter.NAME: transmitter.run,
 }
 
 __all__ = ["PROCEDURES", "Outcome", "Station"]

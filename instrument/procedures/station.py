@@ -25,6 +25,7 @@ from instrument.geometry import (
     points_from,
     true_angles,
 )
+from instrument.procedures.light import LightMeters
 from instrument.procedures.stage import Stage
 from instrument.ranging import estimate
 from instrument.raster import LinePlan
@@ -129,6 +130,8 @@ class Station:
         Called with (share done 0..1, what is going on).
     date : datetime.datetime, optional
         Date that a new calibration carries; now by default.
+    meters : LightMeters, optional
+        Oscilloscope and power meter at the laser, where there are some.
     """
 
     def __init__(
@@ -141,6 +144,7 @@ class Station:
         folder: Path,
         progress: Progress,
         date: datetime.datetime | None = None,
+        meters: LightMeters | None = None,
     ) -> None:
         self.controller = controller
         self.settings = settings
@@ -150,6 +154,7 @@ class Station:
         self.folder = folder
         self.progress = progress
         self.date = datetime.datetime.now(datetime.UTC) if date is None else date
+        self.meters = meters
         (folder / "raw").mkdir(exist_ok=True)
 
     @property

@@ -1,0 +1,199 @@
+"""`transmitter`: power, width and rise time of the laser pulse against voltage and temperature (figures 2.8 to 2.12).
+
+A fast photodetector on the oscilloscope gives the form of the pulse, a power meter at the exit its energy.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from instrument.errors import BadInput, Interrupted
+from instrument.procedures.findings import refused
+from instrument.procedures.light import SWEEP, Light, LightJob, NoStore
+from instrument.procedures.outcome import Outcome, Plot, Readings
+from instrument.procedures.station import Station
+from instrument.settings import override
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FloatArray = NDArray[np.float64]
+
+NAME = "transmitter"
+VOLTS = tuple(float(v) for v in range(240, 331, 10))
+DEGC = tuple(float(t) for t in range(18, 26))  # a Peltier element gives no more than 3 K below the air
+PRF_HZ = 20_000.0  # of the sweep: there the transmitter never overheats, and the oscilloscope takes every pulse
+WORK_HZ = 80_000.0
+WORK_V, WORK_DEGC = 290.0, 23.0  # where the other quantity stands while one is swept
+HEAT_LIMIT_V2HZ = 300.0**2 * 80_000.0  # S 2.6.1: above, the transmitter overheats
+HEAT_RESERVE = 0.95
+LEAST_PEAK_W, LARGEST_FWHM_PS = 100.0, 60.0
+EXIT_TRANSMISSION = 0.62  # from the diode to the power meter
+NO_LIGHT_MV = 2.0  # of the detector
+REMEDY = "Open the lid, put detector and power meter at the exit, see to the trigger cable, and run this again."
+
+
+class Pulse(NamedTuple):
+    """One working point: ``drive_v``, ``degc``, peak power at the diode (W), FWHM and rise time (ps), mean power at the
+    exit (mW) and its energy a pulse (nJ)."""
+
+    drive_v: float
+    degc: float
+    peak_w: float
+    fwhm_ps: float
+    rise_ps: float
+    mean_mw: float
+    energy_nj: float
+
+
+def run(station: Station, *, volts: tuple[float, ...] = VOLTS, degc: tuple[float, ...] = DEGC) -> Outcome:
+    """Sweep drive voltage and temperature, and find the working point within the limits.
+
+    Parameters
+    ----------
+    station : Station
+        With light meters.
+    volts, degc : tuples of float
+        What is swept.
+
+    Raises
+    ------
+    BadInput
+        When the bench has no light meters.
+    InterlockTripped
+        When the light of a working point may exceed class 1.
+    """
+    meters = station.meters
+    if meters is None:
+        raise BadInput(
+            "bench transmitter needs an oscilloscope with a fast detector, and a power meter (docs/bench.md)"
+        )
+    points = [(v, WORK_DEGC) for v in volts] + [(WORK_V, t) for t in degc]
+    pulses: list[Pulse] = []
+    meters.open()
+    try:
+        for number, (drive_v, temperature) in enumerate(points):
+            station.progress(number / len(points), f"{drive_v:g} V, {temperature:g} degC")
+            light = _light_at(station, drive_v, temperature)
+            if light.trace_mv.max() < NO_LIGHT_MV or light.mean_power_mw <= 0:
+                found = f"No light at {drive_v:g} V and {temperature:g} degC: lid closed, or the meters see nothing."
+                return refused(NAME, found, REMEDY)
+            pulses.append(measured(light, drive_v, temperature))
+    finally:
+        meters.close()
+        if station.controller.state == "ready":
+            station.controller.work_at(station.settings)
+    return _judged(station, pulses[: len(volts)], pulses[len(volts) :])
+
+
+def _light_at(station: Station, drive_v: float, degc: float) -> Light:
+    meters = station.meters
+    if meters is None:
+        raise BadInput("no light meters")
+    changes = {"pulser": {"drive_v": drive_v, "prf_hz": PRF_HZ}, "diode": {"target_degc": degc}}
+    controller = station.controller
+    controller.work_at(override(station.settings, changes))
+    controller.warm_up()
+    job = LightJob(meters, SWEEP)
+    outcome = controller.scan(job, NoStore(station.folder))
+    if outcome.stop_reason != "complete" or job.light is None:
+        raise Interrupted(f"{outcome.stop_reason}; {outcome.safe}")
+    return job.light
+
+
+def measured(light: Light, drive_v: float, degc: float) -> Pulse:
+    """Evaluate one trace: width and rise time by interpolation between samples, power by the area under it."""
+    times = light.times_ps
+    trace = light.trace_mv - float(np.median(light.trace_mv))
+    peak = int(np.argmax(trace))
+    top = float(trace[peak])
+    before, after = trace[: peak + 1], trace[peak:]
+    start, end = peak - int(np.argmax(before[::-1] < 0.05 * top)), int(np.argmax(after < 0.5 * top))
+    low, half, high = np.interp(np.array([0.1, 0.5, 0.9]) * top, trace[start : peak + 1], times[start : peak + 1])
+    share = (after[end - 1] - 0.5 * top) / (after[end - 1] - after[end])
+    fall_ps = times[peak + end - 1] + share * (times[1] - times[0])
+    area_ps = float(trace.sum() * (times[1] - times[0]) / top)  # of a pulse with peak 1
+    energy_nj = light.mean_power_mw / PRF_HZ * 1e6
+    peak_w = energy_nj * 1e3 / area_ps / EXIT_TRANSMISSION
+    fwhm_ps, rise_ps = float(fall_ps - half), float(high - low)
+    return Pulse(drive_v, degc, peak_w, fwhm_ps, rise_ps, light.mean_power_mw, energy_nj)
+
+
+def _judged(station: Station, by_volts: list[Pulse], by_degc: list[Pulse]) -> Outcome:
+    cool = [p for p in by_volts if p.drive_v**2 * WORK_HZ <= HEAT_RESERVE * HEAT_LIMIT_V2HZ]
+    best = max(cool, key=lambda p: p.peak_w)
+    best_degc = max(by_degc, key=lambda p: p.peak_w).degc
+    passed = best.peak_w >= LEAST_PEAK_W and best.fwhm_ps <= LARGEST_FWHM_PS
+    in_force = station.settings.pulser.drive_v, station.settings.diode.target_degc
+    figures: dict[str, float | int | str | bool | None] = {
+        "working_drive_v": best.drive_v,
+        "working_degc": best_degc,
+        "peak_power_w": best.peak_w,
+        "fwhm_ps": best.fwhm_ps,
+        "rise_time_ps": best.rise_ps,
+        "pulse_energy_at_exit_nj": best.energy_nj,
+        "mean_power_at_exit_mw_at_80_khz": best.energy_nj * WORK_HZ * 1e-6,
+        "drive_v_in_force": in_force[0],
+        "degc_in_force": in_force[1],
+    }
+    advice = "Let diode and pulser be checked: the pulse is weak or long."
+    same = in_force == (best.drive_v, best_degc)
+    change = f"Set pulser.drive_v to {best.drive_v:g} and diode.target_degc to {best_degc:g}."
+    return Outcome(
+        NAME,
+        passed,
+        [
+            f"Working point within the limits at {WORK_HZ / 1e3:g} kHz: {best.drive_v:g} V and {best_degc:g} degC; "
+            f"there the pulse has {best.peak_w:.0f} W, {best.fwhm_ps:.0f} ps FWHM and {best.rise_ps:.0f} ps rise time "
+            "(dissertation: 290 V, 23 degC, 128.2 W, 44 ps, 32 ps).",
+            f"At {WORK_HZ / 1e3:g} kHz the mean power at the exit is {best.energy_nj * WORK_HZ * 1e-6:.2f} mW.",
+        ],
+        ("Nothing to do." if same else change) if passed else advice,
+        (f"{best.peak_w:.0f} W", f"peak power at {best.drive_v:g} V and {best_degc:g} degC"),
+        figures,
+        [
+            Plot("voltage", "Pulse against supply voltage", _VOLTS, lambda figure: _draw_volts(figure, by_volts)),
+            Plot("temperature", "Pulse against temperature", _DEGC, lambda figure: _draw_degc(figure, by_degc)),
+        ],
+        {"voltage": _readings(by_volts), "temperature": _readings(by_degc)},
+    )
+
+
+_VOLTS = "Peak power, width and rise time at 23 degC, as in figures 2.8 to 2.10; shaded: overheats at 80 kHz."
+_DEGC = "Peak power, width and rise time at 290 V, as in figures 2.11 and 2.12."
+
+
+def _readings(pulses: list[Pulse]) -> Readings:
+    return Readings(Pulse._fields, np.array(pulses))
+
+
+def _draw_volts(figure: Figure, pulses: list[Pulse]) -> None:
+    panels = figure.subplots(1, 3)
+    volts = [p.drive_v for p in pulses]
+    limit_v = (HEAT_LIMIT_V2HZ / WORK_HZ) ** 0.5
+    for axes, label, values in (
+        (panels[0], "peak power, W", [p.peak_w for p in pulses]),
+        (panels[1], "FWHM, ps", [p.fwhm_ps for p in pulses]),
+        (panels[2], "rise time, ps", [p.rise_ps for p in pulses]),
+    ):
+        axes.plot(volts, values, "o-", ms=4)
+        axes.axvspan(limit_v, max(volts), color="0.9")
+        axes.set(xlabel="supply voltage, V", ylabel=label)
+        axes.set_ylim(bottom=0)
+        axes.grid(alpha=0.3)
+
+
+def _draw_degc(figure: Figure, pulses: list[Pulse]) -> None:
+    left, right = figure.subplots(1, 2)
+    degc = [p.degc for p in pulses]
+    left.plot(degc, [p.peak_w for p in pulses], "o-", ms=4)
+    left.set(xlabel="temperature, degC", ylabel="peak power, W", ylim=(0, None))
+    right.plot(degc, [p.fwhm_ps for p in pulses], "o-", ms=4, label="FWHM")
+    right.plot(degc, [p.rise_ps for p in pulses], "o-", ms=4, label="rise time")
+    right.set(xlabel="temperature, degC", ylabel="FWHM and rise time, ps", ylim=(0, None))
+    right.legend(frameon=False)
+    for axes in (left, right):
+        axes.grid(alpha=0.3)
