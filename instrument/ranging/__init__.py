@@ -13,7 +13,8 @@ from instrument.ranging.settings import RangingSettings
 from instrument.ranging.walk import fit_walk
 from instrument.ranging.window import Place, Window
 from instrument.ranging.window_plan import PlanSettings, WindowPlanner
-from instrument.ranging.windowed import WindowTraces, estimate_places, estimate_windows
+from instrument.ranging.window_traces import WindowTraces
+from instrument.ranging.windowed import estimate_places, estimate_windows
 
 __all__ = [
     "SPEED_OF_LIGHT_MM_PER_PS",

@@ -35,6 +35,7 @@ MARGINS_PS = (30.0, 60.0, 120.0, 240.0)
 REFERENCE_MARGIN_PS = 20.0
 LEAST_RESPONSE_MV = 3.0
 COARSEST_PS = 40.0
+NEAR, LEAST_SHARE = 4, 0.75  # response against the median of the places near by
 RETRY = Flag.NO_ECHO | Flag.NO_REFERENCE | Flag.MIXED
 
 
@@ -47,7 +48,7 @@ class PlanSettings:
     wanted_sd_mm : float
         Standard deviation that each range is to have.
     nearest_mm, farthest_mm : float
-        Working range.
+        Where echoes are looked for: the working range, and some room behind it for what stands behind the target.
     settle_shots : int
         Shots that the device throws away before each sweep; they count as cost.
     steps_ps : tuple of floats
@@ -69,7 +70,7 @@ class PlanSettings:
 
     wanted_sd_mm: float = 0.2
     nearest_mm: float = 620.0
-    farthest_mm: float = 1000.0
+    farthest_mm: float = 1200.0
     settle_shots: int = 16
     steps_ps: tuple[float, ...] = (26.8, 20.1, 13.4, 10.0, 6.7, 5.0)
     sweeps: tuple[int, ...] = (1, 2, 3, 4, 6, 8)
@@ -138,10 +139,21 @@ class WindowPlanner:
         return [self._place(np.nan, np.nan, float(response[c]), reference) for c in columns]
 
     def lost(self, places: Sequence[Place], ranges: Ranges) -> NDArray[np.intp]:
-        """Return the columns to be taken again: no echo, no reference or a poor fit in a narrow window. What a wide
-        window has not found is not there."""
+        """Return the columns to be taken again with a wide window.
+
+        These are places whose narrow window showed no echo, no reference or a poor fit, and those whose response has
+        dropped against the line and against the line before: there the spot may lie on a rim, with most of its light
+        on another surface.
+        """
         narrow = np.array([not place.wide for place in places], dtype=np.bool_)
-        return np.flatnonzero(narrow & ((ranges.flags & np.uint16(RETRY)) != 0))
+        poor = (ranges.flags & np.uint16(RETRY)) != 0
+        usual = np.array(
+            [_median(ranges.response_mv[max(0, c - NEAR) : c + NEAR + 1]) for c in range(len(ranges.response_mv))]
+        )
+        with np.errstate(invalid="ignore"):
+            dropped = ranges.response_mv < LEAST_SHARE * usual
+            dropped &= ~(ranges.response_mv > LEAST_SHARE * self._response_mv)  # the line before showed nothing else
+        return np.flatnonzero(narrow & (poor | dropped))
 
     def merged(self, ranges: Ranges, columns: NDArray[np.intp], again: Ranges) -> Ranges:
         """Return the line with the places taken again in the place of the first try, flagged as `Flag.RETAKEN`."""
@@ -162,7 +174,8 @@ class WindowPlanner:
             raise BadInput(f"a line of {len(ranges.echo_ps)} places for a raster of {self.columns} columns")
         good = (ranges.flags & np.uint16(NO_RANGE)) == 0
         self._echo_ps = [np.where(good, ranges.echo_ps, np.nan), self._echo_ps[0]]
-        self._response_mv = np.where(good, ranges.response_mv, np.nan)
+        one_surface = good & ((ranges.flags & np.uint16(Flag.MIXED)) == 0)
+        self._response_mv = np.where(one_surface, ranges.response_mv, np.nan)
         if np.isfinite(ranges.reference_ps).any():
             self._reference = float(np.nanmedian(ranges.reference_ps)), REFERENCE_MARGIN_PS
 
@@ -240,6 +253,12 @@ def _at(window: Window, expected_ps: float) -> Window:
     return Window(round(expected_ps + window.start_ps, 1), window.step_ps, window.samples, window.sweeps)
 
 
+def _median(values: FloatArray) -> float:
+    """Return the median of what is there, NaN of nothing."""
+    there = values[np.isfinite(values)]
+    return float(np.median(there)) if there.size else float("nan")
+
+
 def _filled(values: FloatArray) -> FloatArray:
     """Fill what is missing with the median of the rest."""
-    return np.where(np.isfinite(values), values, np.nanmedian(values)) if np.isfinite(values).any() else values
+    return np.where(np.isfinite(values), values, _median(values))

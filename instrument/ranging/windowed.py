@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,7 @@ from instrument.ranging.shape_table import ShapeTable
 from instrument.ranging.template import LEAD_PS, TRAIL_PS, bad_fit, combine, shapes_of, tables, unreliable
 from instrument.ranging.template_fit import PulseFit, fit_pulses
 from instrument.ranging.window import Place, Window
+from instrument.ranging.window_traces import WindowTraces
 from instrument.scan_line import Flag
 
 FloatArray = NDArray[np.float64]
@@ -26,56 +27,7 @@ FlagArray = NDArray[np.uint16]
 
 SMOOTH_PS = 60.0
 FOOT_PS, TOP_PS = 80.0, 130.0  # least way of the 50 % point from either end of its window
-LEAST_SAMPLES = 12
 BLOCK = 512  # records handled together: their windows stay in the cache
-
-
-@dataclass(frozen=True)
-class WindowTraces:
-    """One window of R records, all of the same length and step.
-
-    Attributes
-    ----------
-    values_mv : (R, M) float array
-        Mean traces.
-    first_ps : (R,) float array
-        Sampling instant of the first sample.
-    step_ps : float
-    sweeps : (R,) float array
-    """
-
-    values_mv: FloatArray
-    first_ps: FloatArray
-    step_ps: float
-    sweeps: FloatArray
-
-    @classmethod
-    def of(cls, values_mv: ArrayLike, first_ps: ArrayLike, step_ps: float, sweeps: ArrayLike = 1) -> WindowTraces:
-        """Make one of what can be broadcast to it.
-
-        Raises
-        ------
-        BadInput
-            When the shapes do not fit, or a window has fewer than 12 samples.
-        """
-        values = np.asarray(values_mv, dtype=np.float64)
-        if values.ndim != 2 or values.shape[1] < LEAST_SAMPLES or not step_ps > 0:
-            raise BadInput(
-                f"a window needs (R, M >= {LEAST_SAMPLES}) samples and a positive step, "
-                f"not shape {values.shape} and {step_ps:g} ps"
-            )
-        try:
-            first = np.broadcast_to(np.asarray(first_ps, dtype=np.float64), (len(values),))
-            counts = np.broadcast_to(np.asarray(sweeps, dtype=np.float64), (len(values),))
-        except ValueError as error:
-            raise BadInput(f"first_ps and sweeps must be one value or {len(values)} values: {error}") from error
-        if len(values) and not counts.min() >= 1:
-            raise BadInput(f"sweeps must be at least 1, not {counts.min():g}")
-        return cls(values, first, float(step_ps), counts)
-
-    def part(self, records: slice) -> WindowTraces:
-        """Return some of the records."""
-        return WindowTraces(self.values_mv[records], self.first_ps[records], self.step_ps, self.sweeps[records])
 
 
 def estimate_windows(
@@ -192,18 +144,19 @@ def _block(
     calibration: Calibration,
     limits: RangingSettings,
 ) -> tuple[PulsePair, FlagArray]:
-    first_fit, first_ps, no_reference = _fit(reference, tables(shapes_of(calibration), reference.step_ps)[0], limits)
-    second_fit, second_ps, no_echo = _fit(echo, tables(shapes_of(calibration), echo.step_ps)[1], limits)
+    shapes = shapes_of(calibration)
+    first = _fit(reference, tables(shapes, reference.step_ps)[0], limits)
+    second = _fit(echo, tables(shapes, echo.step_ps)[1], limits)
     flags = np.zeros(len(reference.values_mv), dtype=np.uint16)
-    mark(flags, Flag.NO_REFERENCE, no_reference | bad_fit(first_fit, limits))
-    mark(flags, Flag.NO_ECHO, no_echo & ~no_reference)
-    mark(flags, Flag.MIXED, ~no_echo & ~no_reference & bad_fit(second_fit, limits))
+    mark(flags, Flag.NO_REFERENCE, first.missing | bad_fit(first.fit, limits))
+    mark(flags, Flag.NO_ECHO, second.missing & ~first.missing)
+    mark(flags, Flag.MIXED, ~second.missing & ~first.missing & (bad_fit(second.fit, limits) | second.others))
     lowest, highest = limits.clip_mv
     for window in (reference, echo):
         mark(flags, Flag.CLIPPED, (window.values_mv.min(axis=1) < lowest) | (window.values_mv.max(axis=1) > highest))
     mark(flags, Flag.CLIPPED, seen_clipped)
-    pair = combine(unreliable(first_fit, no_reference), unreliable(second_fit, no_echo), first_ps, second_ps)
-    return pair, flags
+    fits = [unreliable(found.fit, found.missing) for found in (first, second)]
+    return combine(fits[0], fits[1], first.first_ps, second.first_ps), flags
 
 
 def _ranges(
@@ -215,27 +168,53 @@ def _ranges(
     return to_ranges(pair, flags, "template", calibration, limits)
 
 
-def _fit(window: WindowTraces, table: ShapeTable, limits: RangingSettings) -> tuple[PulseFit, FloatArray, BoolArray]:
-    """Fit the pulse in each window; also return the instant that its delay counts from, and where there is no pulse."""
+class _Found(NamedTuple):
+    """The strongest pulse of each window: its fit, the instant that the fit's delay counts from, where there is no
+    pulse at all (``missing``), and where a long window holds another one (``others``)."""
+
+    fit: PulseFit
+    first_ps: FloatArray
+    missing: BoolArray
+    others: BoolArray
+
+
+def _fit(window: WindowTraces, table: ShapeTable, limits: RangingSettings) -> _Found:
     usable = np.asarray(np.isfinite(window.values_mv).all(axis=1), dtype=np.bool_)
-    values = window.values_mv if usable.all() else np.where(usable[:, None], window.values_mv, 0.0)
-    edge, height = _half_way(values, window.step_ps)
-    samples = min(values.shape[1], round((LEAD_PS + TRAIL_PS) / window.step_ps))
-    cut = np.zeros(len(values), dtype=np.int64)
-    if samples < values.shape[1]:
-        cut = np.clip(edge - round(LEAD_PS / window.step_ps), 0, values.shape[1] - samples)
-        values = np.take_along_axis(values, cut[:, None] + np.arange(samples), axis=1)
+    whole = window.values_mv if usable.all() else np.where(usable[:, None], window.values_mv, 0.0)
+    edge, height = _half_way(whole, window.step_ps)
+    samples = min(whole.shape[1], round((LEAD_PS + TRAIL_PS) / window.step_ps))
+    cut = np.clip(edge - round(LEAD_PS / window.step_ps), 0, whole.shape[1] - samples)
+    pieces = whole
+    if samples < whole.shape[1]:
+        pieces = np.take_along_axis(whole, cut[:, None] + np.arange(samples), axis=1)
     guess = np.asarray((edge - cut) * window.step_ps, dtype=np.float64)
-    fit = fit_pulses(values, table, guess, height, window.sweeps)
+    fit = fit_pulses(pieces, table, guess, height, window.sweeps)
     place = fit.delay_ps + cut * window.step_ps
     sd = np.sqrt(fit.covariance[:, 1, 1])
-    no_pulse = (
+    missing = (
         ~usable
         | (fit.amplitude_mv < np.maximum(limits.detection_sigmas * sd, limits.least_response_mv))
         | (place < FOOT_PS)
-        | (place > (window.values_mv.shape[1] - 1) * window.step_ps - TOP_PS)
+        | (place > (whole.shape[1] - 1) * window.step_ps - TOP_PS)
     )
-    return fit, window.first_ps + cut * window.step_ps, no_pulse
+    others = _others(whole, cut, samples, fit, window.step_ps, limits)
+    return _Found(fit, window.first_ps + cut * window.step_ps, missing, others)
+
+
+def _others(
+    whole: FloatArray, cut: NDArray[np.int64], samples: int, fit: PulseFit, step_ps: float, limits: RangingSettings
+) -> BoolArray:
+    """Return where another pulse stands outside the piece that was fitted."""
+    width = max(1, round(SMOOTH_PS / step_ps))
+    if whole.shape[1] < samples + width:
+        return np.zeros(len(whole), dtype=np.bool_)
+    index = np.arange(whole.shape[1])
+    outside = (index < cut[:, None]) | (index >= (cut + samples)[:, None])
+    sums = np.cumsum(np.where(outside, whole - fit.baseline_mv[:, None], 0.0), axis=1)
+    highest = np.max(sums[:, width:] - sums[:, :-width], axis=1) / width
+    noise = limits.detection_sigmas * fit.residual_mv / np.sqrt(width)
+    least = np.maximum(limits.least_response_mv, limits.ringing_share * fit.amplitude_mv)
+    return np.asarray(highest > np.maximum(noise, least), dtype=np.bool_)
 
 
 def _half_way(values: FloatArray, step_ps: float) -> tuple[NDArray[np.int64], FloatArray]:

@@ -214,6 +214,36 @@ def test_a_planned_scan_loses_no_point_and_keeps_its_promise(receiver: Receiver,
     assert np.mean(error**2 / variance) == pytest.approx(1.0, abs=0.25)
 
 
+def test_a_spot_on_a_rim_is_taken_again_and_marked_as_mixed(receiver: Receiver, calibrated: Calibration) -> None:
+    columns, rim = 9, 4
+    planner = WindowPlanner(calibrated, columns)
+
+    def look(line: int, column: int, place: Place) -> tuple[np.ndarray, np.ndarray]:
+        traces = []
+        for k, window in enumerate((place.reference, place.echo)):
+            times = window.start_ps + window.step_ps * np.arange(window.samples)
+            near_mv = 25.0 if column == rim and line == 1 else 45.0
+            seed = 100 * column + 10 * place.wide + k
+            trace = receiver.traces(times, 4500.0, near_mv, records=1, seed=seed, sweeps=window.sweeps)[0]
+            if column == rim and line == 1:
+                trace += receiver.pulse(times - receiver.reference_ps - 5900.0, 20.0)
+            traces.append(trace)
+        return traces[0], traces[1]
+
+    for line in range(2):
+        places = planner.line()
+        found = estimate_places(places, [look(line, c, p) for c, p in enumerate(places)], calibration=calibrated)
+        again = planner.lost(places, found)
+        planner.learn(found)
+    assert not any(place.wide for place in places)
+    assert again.tolist() == [rim]
+    wide = planner.wide(again)
+    second = estimate_places(wide, [look(1, rim, wide[0])], calibration=calibrated)
+    merged = planner.merged(found, again, second)
+    assert Flag(int(merged.flags[rim])) == Flag.MIXED | Flag.RETAKEN
+    assert not np.delete(merged.flags, rim).any()
+
+
 def test_windows_get_cheaper_with_less_wanted_and_more_response(calibrated: Calibration) -> None:
     def shots(wanted_mm: float, response_mv: float) -> int:
         planner = WindowPlanner(calibrated, 20, PlanSettings(wanted_sd_mm=wanted_mm, first_response_mv=response_mv))
@@ -257,7 +287,7 @@ def test_the_first_line_is_wide_and_the_next_ones_are_not(receiver: Receiver, ca
     assert all(place.wide for place in first)
     near = receiver.reference_ps + receiver.half_ps(45.0) + 620 / 0.14986
     assert first[0].echo.start_ps < near - 100
-    assert first[0].echo.end_ps > near + (1000 - 620) / 0.14986 + 200
+    assert first[0].echo.end_ps > near + (1200 - 620) / 0.14986 + 200
     found = estimate_places(
         first,
         [
