@@ -133,7 +133,10 @@ def _unplug(site: Site) -> End:
 
 
 def _plug(site: Site) -> None:
-    site.bench.usb_backend.plug(site.usb)  # at a new address
+    """Plug the cable in, at a new address, if nobody else has done so."""
+    backend = site.bench.usb_backend
+    if all(device.firmware is not site.usb for device in backend.enumerate_devices()):
+        backend.plug(site.usb)
 
 
 def _silence(site: Site) -> End:
