@@ -24,7 +24,7 @@ from sim.ports import SerialFirmware, SerialWire, new_bench_name, publish, withd
 from sim.scanner import MirrorPair
 from sim.scene import Scene
 from sim.settings import Pose, SimulationSettings
-from sim.targets import landmarks, load_target, place_target
+from sim.targets import build_scene, landmarks, load_target, place_target
 from sim.thermal import DiodeBlock
 from sim.truth import BenchTruth
 from sim.usb.backend import SimUsbBackend
@@ -52,6 +52,8 @@ class SimulatedBench:
     ----------
     urls : dict
         URL of each serial device by its name (``dg645``, ``genesys``, ``tec``).
+    target, bare_target : Target
+        What stands before the scanner, and the same without tissue and instruments: the preoperative model.
     usb_backend : SimUsbBackend
         pyusb backend that finds the USB devices.
     truth : BenchTruth
@@ -85,9 +87,9 @@ class SimulatedBench:
         self.interlock = InterlockChain()
         self.block = DiodeBlock(self.clock, checked)
         self.mirrors = MirrorPair(self.clock, checked, self.noise)
-        self.target = load_target(checked.target, checked.reflectance)
-        pose = place_target(self.target, checked.distance_mm, checked.target_pose, self.noise.stream("scene.pose"))
-        self.scene = Scene(self.target, pose)
+        self.scene = build_scene(checked, self.noise)
+        self.target = self.scene.target
+        self.bare_target = load_target(checked.target, checked.reflectance)
 
         self.dg645 = Dg645Firmware(self.clock, self.trigger, self.interlock)
         self.genesys = GenesysFirmware(self.clock, self.interlock)

@@ -88,7 +88,7 @@ class Simulated:
     @property
     def model(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Get vertices (V, 3) and faces (F, 3) of the target in its own frame, mm: the preoperative model."""
-        return self.bench.target.vertices, self.bench.target.faces
+        return self.bench.bare_target.vertices, self.bench.bare_target.faces
 
     def landmarks(self) -> list[dict[str, Any]]:
         """Get three landmark pairs as a person would click them: a few mm of error in the scan."""
