@@ -30,6 +30,8 @@ class DissertationSettings:
         Residual above which a point is an outlier; None switches elimination off.
     outlier_fraction : float
         Share of the outliers removed in one pass, the largest first.
+    accelerated : bool
+        Besl and McKay's acceleration of each ICP run.
     seed : int
         Of the perturbations.
     """
@@ -41,6 +43,7 @@ class DissertationSettings:
     perturbation_mm: float = 2.4
     outlier_threshold_mm: float | None = 1.0
     outlier_fraction: float = 0.10
+    accelerated: bool = False
     seed: int = 0
 
 
@@ -102,14 +105,25 @@ def suppress_minima(
     """Repeat ICP from random perturbations of the best pose until nothing improves (dissertation S 3.3.3)."""
     s = settings
     rng = np.random.default_rng(s.seed)
-    options = {"max_iterations": s.max_iterations}
-    best = icp(points, surface, start, tolerance_mm2=s.tolerance_mm2, stage="icp", **options)
+
+    def run(from_pose: FloatArray, stage: str) -> IcpResult:
+        return icp(
+            points,
+            surface,
+            from_pose,
+            max_iterations=s.max_iterations,
+            tolerance_mm2=s.tolerance_mm2,
+            accelerated=s.accelerated,
+            stage=stage,
+        )
+
+    best = run(start, "icp")
     history = list(best.history)
     error, barren = float(np.mean(best.distances_mm**2)), 0
     centre = points.mean(axis=0)
     while barren < s.suppression_runs:
         perturbed = best.model_from_scanner @ _perturbation(rng, s, centre)
-        trial = icp(points, surface, perturbed, tolerance_mm2=s.tolerance_mm2, stage="minima suppression", **options)
+        trial = run(perturbed, "minima suppression")
         history.extend(trial.history)
         trial_error = float(np.mean(trial.distances_mm**2))
         if trial_error < error - s.tolerance_mm2:

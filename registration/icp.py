@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from registration._types import FloatArray
+from registration.acceleration import Accelerator
 from registration.measures import residual_measures
 from registration.paired import horn
 from registration.rigid import transform
@@ -46,6 +47,7 @@ def icp(
     *,
     max_iterations: int = 40,
     tolerance_mm2: float = 1e-9,
+    accelerated: bool = False,
     stage: str = "icp",
 ) -> IcpResult:
     """Alternate closest points and Horn's closed form until the mean square distance stops improving.
@@ -62,10 +64,14 @@ def icp(
     max_iterations : int
     tolerance_mm2 : float
         Stop when the mean square distance falls by less than this.
+    accelerated : bool
+        Jump ahead where steps keep their direction; a jump that raises the error is taken back.
     stage : str
         Name for the history.
     """
     solution, previous, converged = start, np.inf, False
+    centre = np.asarray(points.mean(axis=0), dtype=np.float64)
+    watch = Accelerator(centre, float(np.sqrt(((points - centre) ** 2).sum(axis=1).mean())))
     history: list[Iteration] = []
     closest = surface.closest(transform(solution, points))
     for _ in range(max_iterations):
@@ -77,4 +83,13 @@ def icp(
         previous = measures.nlse
         solution = horn(closest.points, points)
         closest = surface.closest(transform(solution, points))
+        if accelerated:
+            watch.add(solution, float(np.mean(closest.signed_mm**2)))
+            jump = watch.proposal()
+            if jump is not None:
+                ahead = surface.closest(transform(jump, points))
+                if np.mean(ahead.signed_mm**2) < watch.errors[-1]:
+                    solution, closest = jump, ahead
+                    watch.add(solution, float(np.mean(ahead.signed_mm**2)))
+                watch.forget()
     return IcpResult(solution, np.abs(closest.signed_mm), converged, history)

@@ -37,6 +37,9 @@ SURE_HITS = 3
 START_CONE_DEG = 25.0
 """How far clicked landmarks may be off."""
 
+START_REACH_MM = 40.0
+"""How far a start may be off in position."""
+
 POLISHED_POINTS = 1500
 """Candidates are polished on at most so many points; all take part in the exact finish."""
 
@@ -121,9 +124,20 @@ class Search:
         """Distinct minima within `START_CONE_DEG` of a start pose (4, 4), best first."""
         view = self._view_at(start)
         centre = transform(inverse(start), view.centre[None])[0]
-        rotations = rotations_near(start[:3, :3], START_CONE_DEG, STARTS)
-        order = shuffle(len(self.scan))
-        return self._finishers(view, centre, order, rotations, np.zeros((STARTS, 3)))
+        centres = sphere_centres(self.scan.points, self.towards, view.radius_mm) if view.is_socket else []
+        near = [c for c in centres if np.linalg.norm(c - centre) < START_REACH_MM]
+        anchors = np.array([*near, centre])
+        found: list[Candidate] = []
+        for draw in range(MAX_RACES):
+            rotations = rotations_near(start[:3, :3], START_CONE_DEG, STARTS, draw * STARTS)
+            shifts = _shifts(rotations, anchors)
+            order = shuffle(len(self.scan), draw)
+            if near:
+                order = telling_order(self.scan.points, anchors[0], view.radius_mm, draw)
+            found = merged(found, self._finishers(view, anchors[0], order, rotations, shifts), self.middle)
+            if found[0].hits >= SURE_HITS:
+                break
+        return found
 
     def _raced(self, view: View, centres: list[FloatArray], draw: int) -> list[Candidate]:
         if view.whole:
@@ -131,8 +145,7 @@ class Search:
             shifts = visible_centroids(self.model.surface, rotations @ self.towards) - view.centre
             return self._finishers(view, centres[0], shuffle(len(self.scan), draw), rotations, shifts)
         rotations = rotations_in_cone(view.axis, self.towards, SHELL_CONE_DEG + 5.0, STARTS, draw * STARTS)
-        offsets = np.array(centres)[np.arange(STARTS) % len(centres)] - centres[0]
-        shifts = np.asarray(-(rotations @ offsets[..., None])[..., 0], dtype=np.float64)
+        shifts = _shifts(rotations, np.array(centres))
         order = telling_order(self.scan.points, centres[0], view.radius_mm, draw)
         return self._finishers(view, centres[0], order, rotations, shifts)
 
@@ -165,6 +178,12 @@ class Search:
                 return view
         reach = float(np.linalg.norm(aimed - middle, axis=1).max()) + 15.0
         return start_view(self.model.surface, middle, towards, reach)
+
+
+def _shifts(rotations: FloatArray, anchors: FloatArray) -> FloatArray:
+    """Shifts (K, 3) that bring the anchors (A, 3), taken in turn, to the view's centre; about the first anchor."""
+    offsets = anchors[np.arange(len(rotations)) % len(anchors)] - anchors[0]
+    return np.asarray(-(rotations @ offsets[..., None])[..., 0], dtype=np.float64)
 
 
 def merged(one: list[Candidate], other: list[Candidate], at: FloatArray, bonus: int = SURE_HITS) -> list[Candidate]:

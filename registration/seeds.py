@@ -41,9 +41,9 @@ def rotations_in_cone(
     return np.asarray(frame_about(fixed_axis) @ (tilted @ rolled) @ frame_about(moving_axis).T, dtype=np.float64)
 
 
-def rotations_near(start: FloatArray, half_angle_deg: float, count: int) -> FloatArray:
+def rotations_near(start: FloatArray, half_angle_deg: float, count: int, first: int = 0) -> FloatArray:
     """Rotations (count, 3, 3) within `half_angle_deg` of `start` (3, 3), the first of them `start` itself."""
-    u = low_discrepancy(count - 1)
+    u = low_discrepancy(count - 1, first)
     angle = np.radians(half_angle_deg) * np.cbrt(u[:, 0])
     height, azimuth = 1.0 - 2.0 * u[:, 1], 2.0 * np.pi * u[:, 2]
     ring = np.sqrt(1.0 - height**2)

@@ -45,7 +45,7 @@ class View:
     fine, coarse : DistanceField
         Of the visible shell, about `centre`.
     whole : bool
-        The view is the whole model, seen from any side; then `radius_mm` and `axis` mean nothing.
+        The view is the whole model, seen from any side; then `axis` means nothing.
     """
 
     centre: FloatArray
@@ -54,6 +54,11 @@ class View:
     fine: DistanceField
     coarse: DistanceField
     whole: bool = False
+
+    @property
+    def is_socket(self) -> bool:
+        """Whether the view is a socket, with a sphere to anchor a search."""
+        return bool(np.isfinite(self.radius_mm))
 
 
 def make_views(surface: Surface) -> tuple[View, ...]:
@@ -79,7 +84,7 @@ def socket_view(surface: Surface, socket: Socket) -> View:
 
 def start_view(surface: Surface, centre: FloatArray, axis: FloatArray, reach_mm: float) -> View:
     """Prepare a view of any region: within `reach_mm` of `centre`, seen along `axis`."""
-    return _view(surface, centre, reach_mm, axis / np.linalg.norm(axis), reach_mm)
+    return _view(surface, centre, float("inf"), axis / np.linalg.norm(axis), reach_mm)
 
 
 def _view(surface: Surface, centre: FloatArray, radius: float, axis: FloatArray, reach: float) -> View:

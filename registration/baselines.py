@@ -1,0 +1,128 @@
+"""Named methods of the literature, for comparison with the robust solver; all are local and need a start.
+
+References
+----------
+Chen, Medioni, IVC 10:145 (1992): point-to-plane ICP. Fitzgibbon, IVC 21:1145 (2003): LM-ICP on a distance map.
+Pelizzari et al., J. Comput. Assist. Tomogr. 13:20 (1989): head and hat.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from registration._types import FloatArray
+from registration.field import DistanceField
+from registration.losses import Loss
+from registration.quality import plane_rows
+from registration.rigid import small_motion, transform
+from registration.surface import Surface
+
+
+def plane_icp(
+    points: FloatArray, surface: Surface, start: FloatArray, loss: Loss, *, max_iterations: int = 60
+) -> FloatArray:
+    """Point-to-plane ICP under any robust criterion.
+
+    Parameters
+    ----------
+    points : (N, 3) array
+        Scanner frame, mm.
+    surface : Surface
+    start : (4, 4) array
+        `model_from_scanner`.
+    loss : Loss
+        One of :data:`registration.losses.LOSSES`, or another.
+    max_iterations : int
+
+    Returns
+    -------
+    (4, 4) array
+        `model_from_scanner`.
+    """
+    solution = start
+    for _ in range(max_iterations):
+        moved = transform(solution, points)
+        closest = surface.closest(moved)
+        centre = np.asarray(moved.mean(axis=0), dtype=np.float64)
+        rows = plane_rows(moved, closest.normals, centre)
+        weighted = rows * loss.weights(closest.signed_mm)[:, None]
+        normal = weighted.T @ rows
+        normal += 1e-9 * np.diag(np.diag(normal) + 1e-9)
+        x = np.asarray(-np.linalg.solve(normal, weighted.T @ closest.signed_mm), dtype=np.float64)
+        solution = small_motion(x, centre) @ solution
+        if np.linalg.norm(x[:3]) < 1e-7 and np.linalg.norm(x[3:]) < 1e-6:
+            break
+    return solution
+
+
+def lm_icp(points: FloatArray, field: DistanceField, start: FloatArray, *, huber_mm: float = 1.0) -> FloatArray:
+    """LM-ICP: Levenberg-Marquardt on a distance field in the model frame with a Huber loss.
+
+    Parameters
+    ----------
+    points : (N, 3) array
+        Scanner frame, mm.
+    field : DistanceField
+        In the model frame.
+    start : (4, 4) array
+    huber_mm : float
+        Where the loss turns linear.
+
+    Returns
+    -------
+    (4, 4) array
+        `model_from_scanner`.
+    """
+    from scipy.optimize import least_squares
+
+    base = transform(start, points)
+    centre = np.asarray(base.mean(axis=0), dtype=np.float64)
+
+    def sampled(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        moved = transform(small_motion(x, centre), base)
+        distance, gradient = field.sample(np.ascontiguousarray(moved.T, dtype=np.float32))
+        return moved, distance.astype(np.float64), gradient.astype(np.float64)
+
+    def residuals(x: FloatArray) -> FloatArray:
+        return sampled(x)[1]
+
+    def jacobian(x: FloatArray) -> FloatArray:
+        moved, _, gradient = sampled(x)
+        return plane_rows(moved, gradient, centre + x[3:])
+
+    found = least_squares(residuals, np.zeros(6), jac=jacobian, loss="huber", f_scale=huber_mm, x_scale="jac")
+    return small_motion(np.asarray(found.x, dtype=np.float64), centre) @ start
+
+
+def head_and_hat(points: FloatArray, surface: Surface, start: FloatArray, centre: FloatArray) -> FloatArray:
+    """Head and hat: Powell's search on the distances along the rays from `centre` through the points to the surface.
+
+    Parameters
+    ----------
+    points : (N, 3) array
+        The hat, scanner frame, mm.
+    surface : Surface
+        The head, or any surface that `centre` sees (a socket from its middle).
+    start : (4, 4) array
+    centre : (3,) array
+        Model frame, mm.
+
+    Returns
+    -------
+    (4, 4) array
+        `model_from_scanner`.
+    """
+    from scipy.optimize import minimize
+
+    base = transform(start, points)
+    radius = float(np.linalg.norm(base - centre, axis=1).mean())
+
+    def cost(x: FloatArray) -> float:
+        offset = transform(small_motion(np.concatenate([x[:3] / radius, x[3:]]), centre), base) - centre
+        length = np.linalg.norm(offset, axis=1)
+        hit = surface.first_hit(np.broadcast_to(centre, offset.shape), offset / length[:, None])
+        return float(np.mean(np.minimum(np.abs(hit - length), radius) ** 2))
+
+    found = minimize(cost, np.zeros(6), method="Powell", options={"xtol": 1e-4, "ftol": 1e-8})
+    x = np.asarray(found.x, dtype=np.float64)
+    return small_motion(np.concatenate([x[:3] / radius, x[3:]]), centre) @ start

@@ -1,0 +1,121 @@
+"""Stability, covariance and predicted errors against analytic cases and the computed check values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from registration.assess import pose_covariance
+from registration.quality import (
+    describe_weakness,
+    information,
+    patch_misfit_mm,
+    plane_rows,
+    quantile_mm,
+    stiffness,
+    target_covariance,
+)
+
+
+def sphere_patch(count: int, cap: float = np.pi) -> tuple[np.ndarray, np.ndarray]:
+    k = np.arange(count) + 0.5
+    z = 1.0 - (1.0 - np.cos(cap)) * k / count
+    azimuth = k * np.pi * (3.0 - np.sqrt(5.0))
+    ring = np.sqrt(1.0 - z * z)
+    normals = np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z], axis=1)
+    return 26.0 * normals, normals
+
+
+def plane_patch() -> tuple[np.ndarray, np.ndarray]:
+    x, y = np.meshgrid(np.linspace(-20, 20, 21), np.linspace(-20, 20, 21))
+    points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+    return points, np.broadcast_to([0.0, 0.0, 1.0], points.shape)
+
+
+def turned_surface(radius: Callable[[np.ndarray], np.ndarray], slope: float) -> tuple[np.ndarray, np.ndarray]:
+    h, a = np.meshgrid(np.linspace(-20, 20, 21), np.linspace(0, 2 * np.pi, 40, endpoint=False))
+    h, a = h.ravel(), a.ravel()
+    normals = np.stack([np.cos(a), np.sin(a), np.full_like(a, -slope)], axis=1) / np.hypot(1.0, slope)
+    return np.stack([radius(h) * np.cos(a), radius(h) * np.sin(a), h], axis=1), normals
+
+
+def helix_surface() -> tuple[np.ndarray, np.ndarray]:
+    """A screw-shaped ramp: turning and rising together leave it where it is."""
+    r, a = (v.ravel() for v in np.meshgrid(np.linspace(8, 20, 12), np.linspace(0, 4 * np.pi, 80)))
+    pitch = 3.0
+    points = np.stack([r * np.cos(a), r * np.sin(a), pitch * a], axis=1)
+    normals = np.stack([pitch * np.sin(a), -pitch * np.cos(a), r], axis=1)
+    return points, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize(
+    ("surface", "free"),
+    [
+        (sphere_patch(800), 3),
+        (plane_patch(), 3),
+        (turned_surface(lambda h: np.full_like(h, 15.0), 0.0), 2),
+        (turned_surface(lambda h: 30.0 + 0.5 * h, 0.5), 1),
+        (helix_surface(), 1),
+    ],
+    ids=["sphere", "plane", "cylinder", "cone", "helix"],
+)
+def test_free_motions_are_counted(surface: tuple[np.ndarray, np.ndarray], free: int) -> None:
+    points, normals = surface
+    centre = points.mean(axis=0)
+    radius = float(np.sqrt(((points - centre) ** 2).sum(axis=1).mean()))
+    found = stiffness(plane_rows(points, normals, centre), np.ones(len(points)), radius)
+    assert int((found.eigenvalues < 1e-9 * found.eigenvalues[-1]).sum()) == free
+    text = describe_weakness(found, found.motions[:, 0], centre, 1.0)
+    assert "SD" in text
+
+
+def test_hemispherical_cup() -> None:
+    points, normals = sphere_patch(1000, np.pi / 2)
+    found = stiffness(plane_rows(points, normals, np.zeros(3)), np.ones(1000), 26.0)
+    np.testing.assert_allclose(found.eigenvalues[:3], 0.0, atol=1e-12)
+    np.testing.assert_allclose(found.eigenvalues[3:], 1.0 / 3.0, atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("region", "predicted"),
+    [(lambda u: u[:, 2] > -2.0, 0.273), (lambda u: u[:, 2] > 0.0, 0.532)],
+    ids=["whole", "upper half"],
+)
+def test_predicted_tre_of_the_ellipsoid(region: Callable[[np.ndarray], np.ndarray], predicted: float) -> None:
+    """Check values: half axes 40, 28, 20 mm, 300 points, 0.3 mm, target 60 mm along z."""
+    rng = np.random.default_rng(3)
+    values = []
+    for _ in range(20):
+        unit = rng.normal(size=(3000, 3))
+        unit /= np.linalg.norm(unit, axis=1, keepdims=True)
+        unit = unit[region(unit)][:300]
+        axes = np.array([40.0, 28.0, 20.0])
+        points, normals = unit * axes, unit / axes
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        centre = points.mean(axis=0)
+        covariance = pose_covariance(information(plane_rows(points, normals, centre), np.full(300, 0.3)), 30.0)
+        values.append(np.sqrt(np.trace(target_covariance(covariance, centre, np.array([0.0, 0.0, 60.0])))))
+    assert np.mean(values) == pytest.approx(predicted, rel=0.15)
+
+
+@pytest.mark.parametrize("spread", [(1.0, 1.0, 1.0), (1.0, 0.1, 0.01), (1.0, 1.0, 0.0)])
+def test_quantiles_of_the_error(spread: tuple[float, float, float]) -> None:
+    draws = np.random.default_rng(0).normal(size=(200_000, 3)) * np.sqrt(spread)
+    expected = np.quantile(np.linalg.norm(draws, axis=1), 0.95)
+    assert quantile_mm(np.diag(spread)) == pytest.approx(expected, rel=0.03)
+
+
+def test_patches_are_told_from_noise() -> None:
+    rows, columns = np.divmod(np.arange(900), 30)
+    steps = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
+    inside = np.stack(
+        [(rows + i >= 0) & (rows + i < 30) & (columns + j >= 0) & (columns + j < 30) for i, j in steps], 1
+    )
+    around = np.where(inside, np.stack([(rows + i) * 30 + columns + j for i, j in steps], axis=1), 900)
+    noise = np.random.default_rng(0).normal(0.0, 0.4, 900)
+    wave = 0.5 * np.sqrt(2.0) * np.sin(rows / 4.0)
+    everything = np.ones(900, dtype=bool)
+    assert patch_misfit_mm(noise, everything, around) < 0.1
+    assert patch_misfit_mm(noise + wave, everything, around) == pytest.approx(0.5, rel=0.15)
