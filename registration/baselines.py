@@ -105,7 +105,7 @@ def head_and_hat(points: FloatArray, surface: Surface, start: FloatArray, centre
         The head, or any surface that `centre` sees (a socket from its middle).
     start : (4, 4) array
     centre : (3,) array
-        Model frame, mm.
+        Model frame, mm. Rays that meet nothing do not count.
 
     Returns
     -------
@@ -121,7 +121,8 @@ def head_and_hat(points: FloatArray, surface: Surface, start: FloatArray, centre
         offset = transform(small_motion(np.concatenate([x[:3] / radius, x[3:]]), centre), base) - centre
         length = np.linalg.norm(offset, axis=1)
         hit = surface.first_hit(np.broadcast_to(centre, offset.shape), offset / length[:, None])
-        return float(np.mean(np.minimum(np.abs(hit - length), radius) ** 2))
+        met = np.isfinite(hit)
+        return float(np.mean((hit[met] - length[met]) ** 2)) if met.any() else radius**2
 
     found = minimize(cost, np.zeros(6), method="Powell", options={"xtol": 1e-4, "ftol": 1e-8})
     x = np.asarray(found.x, dtype=np.float64)
