@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
+from drivers import helios_wire, sbp
 from drivers.errors import DeviceError, ProtocolError, Timeout
 from drivers.interfaces import Device
 from instrument import device_checks as checks
@@ -19,6 +20,13 @@ from instrument.port_probe import who_answers
 from instrument.settings import Settings
 
 _Device = TypeVar("_Device", bound=Device)
+
+
+class _UsbWire(Protocol):
+    """A wire module, which knows by which numbers its device is found."""
+
+    VENDOR_ID: int
+    PRODUCT_ID: int
 
 
 @dataclass(frozen=True)
@@ -78,11 +86,19 @@ def examine(settings: Settings, make: DeviceMaker, *, acknowledge: bool = False)
         make.tec,
         lambda d: checks.temperature(d, settings, acknowledge=acknowledge),
     )
-    usb = f" through {links.usb_backend}" if links.usb_backend else ""
-    yield _examined("helios", f"USB{usb}", make.helios, checks.galvo)[0]
-    yield _examined("bridge", f"USB{usb}", make.bridge, lambda d: checks.bridge(d, settings, acknowledge=acknowledge))[
-        0
-    ]
+    yield _examined("helios", _usb(helios_wire, links.usb_backend), make.helios, checks.galvo)[0]
+    yield _examined(
+        "bridge",
+        _usb(sbp, links.usb_backend),
+        make.bridge,
+        lambda d: checks.bridge(d, settings, acknowledge=acknowledge),
+    )[0]
+
+
+def _usb(wire: _UsbWire, backend: str) -> str:
+    """Say how a USB device is reached."""
+    through = f" through {backend}" if backend else ""
+    return f"USB {wire.VENDOR_ID:04x}:{wire.PRODUCT_ID:04x}{through}"
 
 
 def _serial(

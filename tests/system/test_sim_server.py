@@ -94,14 +94,14 @@ def test_a_scan_over_ptys(sim: dict[str, Any], tmp_path: Path, capsys: pytest.Ca
 def test_pyusb_of_another_process_walks_all_descriptors(sim: dict[str, Any]) -> None:
     module, _, function = sim["usb"]["backend"].partition(":")
     backend = getattr(importlib.import_module(module), function)(sim["usb"]["address"])
-    devices = list(usb.core.find(find_all=True, backend=backend))
-    helios, bridge = sorted(devices, key=lambda d: d.idProduct, reverse=True)[:2]
-    assert (helios.idVendor, helios.idProduct, helios.product) == (0x1209, 0xE500, "Helios Laser DAC")
-    assert (bridge.idVendor, bridge.idProduct, bridge.serial_number) == (0x1209, 0x0001, "SB-0001")
+    devices = {d.idProduct: d for d in usb.core.find(find_all=True, backend=backend, idVendor=0x1209)}
+    helios, bridge = devices[0xE500], devices[0x0001]
+    assert helios.product == "Helios Laser DAC"
+    assert bridge.serial_number == "SB-0001"
     found = {e.bEndpointAddress for c in helios for i in c for e in i}
     assert found == {0x02, 0x81, 0x06, 0x83, 0x84, 0x05}
     assert usb.core.find(idProduct=0x1234, backend=backend) is None
-    for device in devices:
+    for device in devices.values():
         usb.util.dispose_resources(device)
 
 
