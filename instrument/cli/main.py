@@ -95,6 +95,7 @@ def _failed(arguments: list[str], code: int, message: str) -> int:
 def _register_subcommands() -> None:
     from instrument.cli import (
         bench,
+        calibration,
         demo,
         doctor,
         export,
@@ -110,7 +111,7 @@ def _register_subcommands() -> None:
     )
 
     modules = (demo, settings, doctor, sim, scan, resume, info, export, rerange, register)
-    for module in (*modules, bench, validate, laser_class):
+    for module in (*modules, bench, calibration, validate, laser_class):
         module.add_to(app)
 
 
