@@ -61,7 +61,7 @@ class Evaluation:
         }
 
 
-def run(station: Station, *, distance_mm: float = 900.0, averages: int = 8) -> Outcome:
+def run(station: Station, *, distance_mm: float = 900.0, averages: int = 8, thin: int = 1) -> Outcome:
     """Scan the prism, register it and judge the distances.
 
     Parameters
@@ -71,15 +71,17 @@ def run(station: Station, *, distance_mm: float = 900.0, averages: int = 8) -> O
         Distance of the prism's middle.
     averages : int
         Sweeps a point.
+    thin : int
+        Take every so many rows and columns of the model's points.
     """
     from registration import prepare_model
 
     station.progress(0.0, "scan")
     told_mm = station.stage.place(Placing("prism", distance_mm))
     start = body.model_from_scanner_at(told_mm)
-    places = body.model_places().reshape(-1, 3)
+    places = body.model_places()[::thin, ::-thin]
     wanted = (places - start[:3, 3]) @ start[:3, :3]  # the rotation's inverse is its transpose
-    path = station.aim("prism", wanted.reshape(body.ROWS, body.COLUMNS, 3)[:, ::-1], averages=averages)
+    path = station.aim("prism", wanted, averages=averages)
     cloud, records = cloud_of(path), traces_of(path)
     if lost := lost_readings(int(cloud.has_range.sum()), len(cloud), "the prism"):
         return refused(NAME, lost, REMEDY)

@@ -23,6 +23,7 @@ MARGIN_MM = 0.6  # the whole spot is on the body
 SPLAT_MM = 1.0
 SPLAT_THICKNESS_MM = 0.5
 SPLAT_NEIGHBOURS = 24
+SPLAT_REACH_MM = 4.0  # beyond, a splat has 3e-4 of its height
 SPLAT_HEIGHTS_MM = np.arange(-1.0, 3.01, 0.05)
 
 
@@ -78,5 +79,5 @@ def splatted(points: FloatArray) -> FloatArray:
 
 
 def _density(tree: cKDTree, places: FloatArray) -> FloatArray:
-    distance, _ = tree.query(places, k=SPLAT_NEIGHBOURS)
+    distance, _ = tree.query(places, k=SPLAT_NEIGHBOURS, distance_upper_bound=SPLAT_REACH_MM)
     return np.asarray(np.exp(-0.5 * (distance / SPLAT_MM) ** 2).sum(axis=1))

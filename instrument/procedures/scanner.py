@@ -58,6 +58,10 @@ def run(station: Station, *, distance_mm: float = 1000.0, steps: int = 40, repea
     beam = _Beam(station, told_mm)
     try:
         along = _walk(station, beam, steps)
+        if not np.isfinite(along).all():
+            return refused(
+                NAME, "The beam does not meet the scale: it stands outside the scan or out of range.", REMEDY
+            )
         if np.abs(along[:, 1] - along[:, 0]).max() > RIGHT_SCALE_MM:
             return refused(
                 NAME, "The scale does not follow the beam: it stands elsewhere, or the mirrors stick.", REMEDY

@@ -1,0 +1,88 @@
+"""Evaluations of the bench procedures on readings whose answer is known."""
+
+from __future__ import annotations
+
+import datetime
+
+import numpy as np
+import pytest
+
+from instrument.calibration import Calibration, ScannerErrors, Walk
+from instrument.calibration_checks import differences, out_of_date
+from instrument.procedures import PROCEDURES
+from instrument.procedures.drift import allan_deviation
+from instrument.procedures.findings import lost_readings
+from instrument.procedures.light import Light
+from instrument.procedures.prism_body import distances, model_places
+from instrument.procedures.transmitter import measured
+from instrument.settings import Settings, override
+
+DATE = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
+CALIBRATION = Calibration(
+    date=DATE,
+    provenance="test",
+    serial_numbers={"sampler": "SB-1"},
+    diode_degc=23.0,
+    mirror_separation_mm=30.0,
+    walk={"half-maximum": Walk(response_mv=(10.0, 60.0), error_mm=(5.0, 0.0), sd_mm=(0.1, 0.1))},
+)
+
+
+def test_every_procedure_of_the_contract_is_there() -> None:
+    assert {"transmitter", "distance", "gray-target", "scanner", "geometry", "prism", "drift", "templates"} == set(
+        PROCEDURES
+    )
+
+
+def test_allan_deviation_of_a_ramp_and_of_white_noise() -> None:
+    times, ramp = allan_deviation(0.5 * np.arange(40.0), 10.0)
+    np.testing.assert_allclose(ramp, 0.05 * times / np.sqrt(2))  # drift D gives D tau / sqrt 2 (NIST SP 1065)
+    times, white = allan_deviation(np.random.default_rng(1).normal(0, 1, 6000), 1.0)
+    np.testing.assert_allclose(white[:6], times[:6] ** -0.5, rtol=0.06)
+
+
+def test_a_gaussian_light_pulse_is_measured() -> None:
+    times = 3000.0 + 2.5 * np.arange(1400)
+    trace = 80 * np.exp(-4 * np.log(2) * ((times - 4500) / 44.0) ** 2)
+    pulse = measured(Light(trace, times, mean_power_mw=0.3), 290.0, 23.0, 80e3)
+    assert pulse.fwhm_ps == pytest.approx(44.0, abs=0.3)
+    assert pulse.rise_ps == pytest.approx(0.7164 * 44.0, abs=0.5)
+    assert pulse.energy_nj == pytest.approx(3.75)
+    assert pulse.peak_w == pytest.approx(3.75e3 / 0.62 / (1.0645 * 44.0), rel=0.01)
+
+
+def test_distances_from_the_prism() -> None:
+    places = model_places().reshape(-1, 3)
+    beams = np.broadcast_to([0.0, 0.0, -1.0], places.shape)
+    lifted = places + [0.0, 0.0, 0.5]
+    found = distances(lifted, beams)
+    np.testing.assert_allclose(found.along, 0.5, atol=1e-9)
+    np.testing.assert_allclose(found.perpendicular, 0.5 / np.sqrt(5), atol=1e-9)
+    assert distances(places, beams).splatted.mean() == pytest.approx(0.5, abs=0.06)  # what exact points give
+
+
+def test_lost_readings_are_said_in_words() -> None:
+    assert lost_readings(80, 100, "the plate") == ""
+    assert "50 of 100" in lost_readings(50, 100, "the plate")
+    assert "lid is closed" in lost_readings(0, 100, "the plate")
+
+
+def test_a_calibration_of_another_instrument_temperature_or_year_is_out_of_date() -> None:
+    here = {"sampler": "SB-1"}
+    assert out_of_date(CALIBRATION, Settings(), here, DATE + datetime.timedelta(days=1)) == []
+    assert "SB-2" in out_of_date(CALIBRATION, Settings(), {"sampler": "SB-2"})[0]
+    warmer = override(Settings(), {"diode": {"target_degc": 24.0}})
+    assert "24" in out_of_date(CALIBRATION, warmer, here)[0]
+    assert "days old" in out_of_date(CALIBRATION, Settings(), here, DATE + datetime.timedelta(days=365))[0]
+    shapes = override(Settings(), {"scan": {"estimator": "template"}})
+    assert "pulse shapes" in out_of_date(CALIBRATION, shapes, here)[0]
+
+
+def test_two_calibrations_are_compared_in_millimetres() -> None:
+    other = CALIBRATION.model_copy(update={"range_zero_mm": 0.2, "scanner": ScannerErrors(x_offset_rad=1e-3)})
+    found = differences(CALIBRATION, other)
+    assert found["same"] == "no"
+    assert found["half_maximum_range_largest_mm"] == pytest.approx(0.2)
+    assert found["template_range_largest_mm"] is None
+    assert found["point_largest_mm"] == pytest.approx(0.93, abs=0.02)
+    assert differences(CALIBRATION, CALIBRATION)["same"] == "yes"
