@@ -94,8 +94,14 @@ class Interlock:
 
     def describe(self, value: float) -> str:
         """Say value, band and remedy."""
-        text = f"{value:g} {self.unit} is outside {self.least:g} to {self.most:g} {self.unit}; {self.remedy}"
-        return " ".join(text.split())
+        return " ".join(f"{value:g} {self.unit} is outside {self.band} {self.unit}; {self.remedy}".split())
+
+    @property
+    def band(self) -> str:
+        """Get the band in words, without its unit."""
+        if self.least == self.most:
+            return f"{self.least:g}"
+        return f"at least {self.least:g}" if self.most == INFINITE else f"{self.least:g} to {self.most:g}"
 
 
 def _truth(value: bool | None) -> float | None:
@@ -201,9 +207,8 @@ def interlock_table(settings: Settings, exposure: Exposure) -> str:
         "|---|---|---|---|---|---|---|",
     ]
     for i in interlocks(settings, exposure):
-        band = f"{i.least:g}" if i.least == i.most else f"{i.least:g} to {i.most:g}"
         hysteresis = f"{i.hysteresis:g} {i.unit}" if i.hysteresis else ""
         hold_off = f"{i.hold_off_s:g} s" if i.hold_off_s else ""
         when = "laser on" if i.emitting_only else "always"
-        lines.append(f"| {i.name} | {band} {i.unit} | {hysteresis} | {hold_off} | {when} | {i.action} | {i.remedy} |")
+        lines.append(f"| {i.name} | {i.band} {i.unit} | {hysteresis} | {hold_off} | {when} | {i.action} | {i.remedy} |")
     return "\n".join(lines)

@@ -1,0 +1,46 @@
+"""Brings the generated parts of docs/controller.md up to date: states, diagram and interlocks, from their one source.
+
+python -m instrument.controller.page docs/controller.md
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+from instrument.controller.exposure import exposure_of
+from instrument.controller.interlocks import interlock_table
+from instrument.controller.states import diagram, state_table
+from instrument.settings import Settings
+
+
+def parts() -> dict[str, str]:
+    """Get the generated parts by name."""
+    settings = Settings()
+    return {
+        "states": state_table(),
+        "diagram": f"```mermaid\n{diagram()}\n```",
+        "interlocks": interlock_table(settings, exposure_of(settings.pulser)),
+    }
+
+
+def renewed(page: str) -> str:
+    """Return the page with each part between ``<!-- name -->`` and ``<!-- end -->`` written anew.
+
+    Raises
+    ------
+    ValueError
+        When the page has no place for a part.
+    """
+    for name, text in parts().items():
+        place = re.compile(rf"(<!-- {name} -->\n).*?(^<!-- end -->)", re.DOTALL | re.MULTILINE)
+        if not place.search(page):
+            raise ValueError(f"the page has no place <!-- {name} --> ... <!-- end -->")
+        page = place.sub(lambda found, text=text: found[1] + text + "\n" + found[2], page)  # type: ignore[misc]
+    return page
+
+
+if __name__ == "__main__":
+    path = Path(sys.argv[1])
+    path.write_text(renewed(path.read_text(encoding="utf-8")), encoding="utf-8")
