@@ -74,7 +74,7 @@ def main() -> None:
                 measured = cell(method, case, scans, floors, targets, options)
                 rows.append((model_name, case, name, prepared_ms, *measured))
                 print(*rows[-1], flush=True)
-    write(options, rows)
+            write(options, rows)
 
 
 def cell(method, case, scans, floors, targets, options):
