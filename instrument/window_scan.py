@@ -96,6 +96,7 @@ class WindowScan(RasterScan):
             free_shots=int(settings.scanner.window_settle_ms * 1e-3 * settings.pulser.prf_hz),
         )
         self._planner = WindowPlanner(calibration, scan.columns, plan)
+        self._planner.line()  # makes the tables of the pulse shapes now, which takes a moment, and not under light
 
     @property
     def line_bytes(self) -> int:
