@@ -35,7 +35,8 @@ def test_the_dissertations_method_registers_and_improves_monotonically(
     socket: registration.Model, scan_of: Callable[..., Any]
 ) -> None:
     scan = scan_of(socket, 1, n=16)
-    found = registration.register(scan.points, socket, start=scan.landmarks, method="dissertation")
+    settings = registration.DissertationSettings(max_iterations=60, suppression_runs=2)
+    found = registration.register(scan.points, socket, start=scan.landmarks, method="dissertation", settings=settings)
     error = registration.pose_error(found.model_from_scanner, scan.truth, np.zeros(3))
     assert error.rotation_deg < 2.0
     assert error.translation_mm < 0.5
