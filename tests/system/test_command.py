@@ -15,6 +15,8 @@ import trimesh
 from instrument.cli.main import run
 from instrument.recording import Recording
 
+pytestmark = pytest.mark.timeout(180)  # whole demos, also on a busy machine
+
 Called = tuple[int, dict[str, Any], str]
 
 
@@ -35,7 +37,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]
     folder = tmp_path_factory.mktemp("demo") / "report"
     out = subprocess.run(
         [sys.executable, "-m", "instrument.cli", "demo", "--seed", "3", "--out", str(folder), "--json"],
-        capture_output=True, text=True, check=False, timeout=55,
+        capture_output=True, text=True, check=False, timeout=170,
     )  # fmt: skip
     assert out.returncode == 0, out.stderr
     return folder, json.loads(out.stdout)

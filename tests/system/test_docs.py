@@ -10,6 +10,7 @@ import pytest
 
 from instrument.cli.main import run
 
+pytestmark = pytest.mark.timeout(240)  # every command that is shown, also on a busy machine
 ROOT = Path(__file__).parents[2]
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
