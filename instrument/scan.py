@@ -155,6 +155,13 @@ class RasterScan:
             },
         }
 
+    def memory(self) -> dict[str, Any]:
+        """Get what the next line needs to know of those before: nothing in whole sweeps."""
+        return {}
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Go on from a `memory`: nothing to do in whole sweeps."""
+
     def run_id(self, row: int, column: int) -> int:
         """Get the run id of a place: its number in the raster, from 1."""
         return row * self.settings.scan.columns + column + 1

@@ -8,8 +8,8 @@ the place is taken again with a wide window, in a short path of its own.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from typing import Protocol, runtime_checkable
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -109,6 +109,14 @@ class WindowScan(RasterScan):
         _windows_of(sampler).configure_windows(
             prf_hz=self.settings.pulser.prf_hz, settle_shots=scanner.window_settle_shots, on_advance=True
         )
+
+    def memory(self) -> dict[str, Any]:
+        """Get what the next line is planned from."""
+        return self._planner.memory()
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Go on as if the lines before had just been taken."""
+        self._planner.recall(memory)
 
     def take_line(self, row: int, galvo: Galvo, sampler: Sampler, between: Between) -> ScanLine:
         """Take one line with the laser on, and again those of its places whose echo was not in its window."""

@@ -172,7 +172,12 @@ def resume_scan(run: Session, path: Path) -> tuple[dict[str, Any], ScanOutcome]:
         When nothing is missing, or another program writes to it.
     """
     recording = Recording.resume(path)
-    return _scan_into(run, job_for(run, recording.missing), recording)
+    job = job_for(run, recording.missing)
+    done = recording.done
+    for event in recording.events():
+        if event.kind == "memory" and done and event.fields["line"] == done[-1]:
+            job.recall(event.fields)
+    return _scan_into(run, job, recording)
 
 
 def job_for(run: Session, rows: Sequence[int] | None = None) -> RasterScan:

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -35,6 +35,9 @@ class ScanJob(Protocol):
     @property
     def reference(self) -> tuple[float, float | None]:
         """Get the lowest amplitude (mV) and median place (ps) of the reference in the last line; 0 and None: none."""
+
+    def memory(self) -> dict[str, Any]:
+        """Get what the next line needs to know of those before, as plain data; empty for nothing."""
 
     def take_line(self, row: int, galvo: Galvo, sampler: Sampler, between: Between) -> ScanLine:
         """Take one line with the laser on; ``between`` is called before each place and may raise."""

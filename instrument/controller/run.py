@@ -125,6 +125,8 @@ class ScanRun:
                 self._suspend(cause)
 
     def _keep(self, line: ScanLine) -> None:
+        if memory := self._job.memory():  # before the line: whoever finds the line finds what comes after it
+            self._store.event(self._clock.now(), "memory", line=line.index, **memory)
         self._store.append(line, acknowledged_at_s=self._clock.now())
         self.outcome.count(line)
         for sink in list(self._sinks):

@@ -14,9 +14,10 @@ Step, samples and sweeps are the cheapest ones that promise the wanted uncertain
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -178,6 +179,25 @@ class WindowPlanner:
         self._response_mv = np.where(one_surface, ranges.response_mv, np.nan)
         if np.isfinite(ranges.reference_ps).any():
             self._reference = float(np.nanmedian(ranges.reference_ps)), REFERENCE_MARGIN_PS
+
+    def memory(self) -> dict[str, Any]:
+        """Get what the next line is planned from, as plain numbers (NaN where nothing is known)."""
+        last, before = self._echo_ps
+        return {
+            "echo_ps": last.tolist(),
+            "echo_before_ps": before.tolist(),
+            "response_mv": self._response_mv.tolist(),
+            "reference_ps": list(self._reference),
+        }
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Plan on from a `memory`; None stands for NaN."""
+        echo, before, response = (
+            np.array(memory[name], dtype=np.float64) for name in ("echo_ps", "echo_before_ps", "response_mv")
+        )
+        self._echo_ps, self._response_mv = [echo, before], response
+        place_ps, margin_ps = memory["reference_ps"]
+        self._reference = float(place_ps), float(margin_ps)
 
     def _calibrated_reference(self) -> tuple[float, float]:
         """Return where the calibration has the reference, and by how much that may be wrong."""

@@ -111,3 +111,22 @@ def test_a_whole_scan_is_not_gone_on_with(tmp_path: Path, capsys: pytest.Capture
     assert run(["resume", str(path)]) == 2
     assert "holds all its lines" in capsys.readouterr().err
     assert run(["resume", str(tmp_path / "nothing.db")]) == 2
+
+
+def test_a_scan_in_windows_goes_on_to_the_same_bytes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each line is planned from those before: what was known of them is in the recording."""
+    scan = ("scan", "--grid", "8x6", "--mode", "window", "--seed", "4", "--json")
+    fault = tmp_path / "lid.json"
+    fault.write_text(json.dumps({"fault": [{"kind": "interlock_opened", "at": {"pulse": 6000}}]}), encoding="utf-8")
+    paths = tmp_path / "whole.db", tmp_path / "broken.db"
+    assert run([*scan, "-o", str(paths[0])]) == 0
+    assert run([*scan, "-o", str(paths[1]), "--faults", str(fault)]) in (3, 4)
+    with Recording.open(paths[1]) as broken_off:
+        assert 0 < len(broken_off.done) < 8
+    assert run(["resume", str(paths[1]), "--json"]) == 0, capsys.readouterr().err
+    clouds = []
+    for path in paths:
+        with Recording.open(path) as recording:
+            clouds.append(recording.cloud())
+    for name in ("points_mm", "covariance_mm2", "range_mm", "response_mv", "flags"):
+        assert np.array_equal(getattr(clouds[0], name), getattr(clouds[1], name), equal_nan=True), name
