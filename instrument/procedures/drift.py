@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -54,18 +55,27 @@ def run(station: Station, *, hours: float = 2.0, interval_s: float = 120.0, read
     return _judged(bright, dark, told_mm, interval_s)
 
 
-class _Watched:
-    """Groups of readings: times (G,) s, ranges (G, R) mm, and what the echo alone would give, less its first group."""
+@dataclass(frozen=True)
+class Watched:
+    """Groups of readings: begin (G,) s, ranges and time-significant points of the echo (G, R), mm and ps."""
 
-    def __init__(self, times_s: FloatArray, range_mm: FloatArray, echo_ps: FloatArray) -> None:
-        self.times_s = times_s - times_s[0]
-        self.range_mm = range_mm
-        self.mean_mm: FloatArray = np.nanmean(range_mm, axis=1)
-        alone = np.nanmean(echo_ps, axis=1) * RANGE_PER_INTERVAL_MM_PER_PS
-        self.alone_mm: FloatArray = alone - alone[0]
+    times_s: FloatArray
+    range_mm: FloatArray
+    echo_ps: FloatArray
+
+    @property
+    def mean_mm(self) -> FloatArray:
+        """Get the mean range (G,) of each group."""
+        return np.asarray(np.nanmean(self.range_mm, axis=1))
+
+    @property
+    def alone_mm(self) -> FloatArray:
+        """Get what the echo alone gives (G,), less its first group."""
+        alone = np.nanmean(self.echo_ps, axis=1) * RANGE_PER_INTERVAL_MM_PER_PS
+        return np.asarray(alone - alone[0])
 
 
-def _watch(station: Station, name: str, groups: int, readings: int, interval_s: float) -> _Watched:
+def _watch(station: Station, name: str, groups: int, readings: int, interval_s: float) -> Watched:
     path = station.watch(name, groups, readings, interval_s)
     records = traces_of(path)
     found = estimate(
@@ -77,10 +87,10 @@ def _watch(station: Station, name: str, groups: int, readings: int, interval_s: 
     )
     shape = (groups, readings)
     times_s = records.began_s.reshape(shape)[:, 0]
-    return _Watched(times_s, found.range_mm.reshape(shape), found.echo_ps.reshape(shape))
+    return Watched(times_s - times_s[0], found.range_mm.reshape(shape), found.echo_ps.reshape(shape))
 
 
-def _judged(bright: _Watched, dark: _Watched, told_mm: float, interval_s: float) -> Outcome:
+def _judged(bright: Watched, dark: Watched, told_mm: float, interval_s: float) -> Outcome:
     error = bright.mean_mm - bright.mean_mm.mean()
     standard = float(np.nanmedian(np.nanstd(bright.range_mm, axis=1, ddof=1)) / bright.range_mm.shape[1] ** 0.5)
     spans, with_reference = allan_deviation(bright.mean_mm, interval_s)
@@ -139,7 +149,7 @@ def allan_deviation(values: FloatArray, interval_s: float) -> tuple[FloatArray, 
     return sizes * interval_s, np.array(result)
 
 
-def _warm_after(watched: _Watched, interval_s: float) -> float | None:
+def _warm_after(watched: Watched, interval_s: float) -> float | None:
     """Return when the range without reference has begun to stay within `WARM_MM` for `WARM_SPAN_S`."""
     span = max(int(WARM_SPAN_S / interval_s), 1)
     for first in range(len(watched.alone_mm) - span):
@@ -149,12 +159,12 @@ def _warm_after(watched: _Watched, interval_s: float) -> float | None:
     return None
 
 
-def _readings(watched: _Watched) -> Readings:
+def _readings(watched: Watched) -> Readings:
     columns = ("time_s", "without_reference_mm", *(f"range_{n + 1}_mm" for n in range(watched.range_mm.shape[1])))
     return Readings(columns, np.column_stack([watched.times_s, watched.alone_mm, watched.range_mm]))
 
 
-def _draw_time(figure: Figure, watched: _Watched, error: FloatArray) -> None:
+def _draw_time(figure: Figure, watched: Watched, error: FloatArray) -> None:
     axes = figure.subplots()
     minutes = watched.times_s / 60
     axes.plot(minutes, watched.alone_mm, "o-", ms=3, lw=0.8, color="tab:orange", label="without reference")

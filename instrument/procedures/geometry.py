@@ -21,7 +21,7 @@ from instrument.procedures.stage import Placing
 from instrument.procedures.station import Station, cloud_of
 
 NAME = "geometry"
-FIELD_SHARE = 0.8  # of the scanner's field that a scan covers
+FIELD_SHARE = 0.87  # of the scanner's field that a scan covers, with room for offsets of the mirrors
 WANTED_GRAY = 0.70  # reflectance that gives about 50 mV at 1 m, where the timing walk is flat
 LEAST_INLIERS = 0.8
 FLAT_FACTOR = 2.0  # noise about the planes over the ranging noise: above, what stands there is not flat
@@ -78,6 +78,7 @@ def _measured(
     placed = Placing("plate", pose.distance_mm, pose.tilt_deg, gray=round(min(gray, 0.95), 2))
     told_mm = station.stage.place(placed)
     half_rad = FIELD_SHARE * math.radians(station.settings.scanner.field_deg) / 2
+    half_rad /= 1.0 + 2.0 / (points_a_side - 1)  # lines begin a step outside
     path = station.scan(
         f"pose-{number + 1:02d}",
         rows=points_a_side,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,10 @@ class LightJob:
     def reference(self) -> tuple[float, float | None]:
         """Get the reference: the job does not look at it, and calls it ordinary lest the laser be stopped."""
         return ORDINARY_REFERENCE_MV, None
+
+    def memory(self) -> dict[str, Any]:
+        """Get what the next line needs to know: nothing."""
+        return {}
 
     def configure(self, sampler: Sampler) -> None:
         """Tell the sampler, which keeps the gate, how records would be taken."""

@@ -29,14 +29,17 @@ WITHIN_MM, LEAST_SHARE_WITHIN = 1.0, 0.95  # along the beam (figure 4.16: 97 %)
 GOAL_LARGEST_MM, GOAL_MEAN_MM = 0.5, 0.12  # along the beam; perpendicular
 SPOT_RADIUS_MM = 0.5
 RIGHT_BODY_MM = 2.0
+LARGEST_TURN_DEG = 15.0  # a flat body would be laid onto one of the faces, 63 deg off
 REMEDY = "Stand the calibration prism at the stated distance, ridge upright and facing the scanner, and run this again."
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """One way of ranging, with the points in the prism's frame (N, 3) and their distances from it."""
+    """One way of ranging, with the points in the prism's frame (N, 3) and their distances from it; ``turn_deg`` is how
+    far the prism stands turned from the pose asked for."""
 
     title: str
+    turn_deg: float
     points_mm: body.FloatArray
     distances: body.Distances
 
@@ -45,9 +48,17 @@ class Evaluation:
         """Get which points (N,) have their whole spot on one face; on the ridge a spot sees both, and lies behind."""
         return np.asarray(np.abs(self.points_mm[:, 0]) > SPOT_RADIUS_MM, dtype=np.bool_)
 
+    def splat_figures(self) -> dict[str, float | None]:
+        """Get the figures of the splatted surface; None where the points are too sparse for one."""
+        splatted = self.distances.splatted
+        return {
+            "splatted_mean_mm": float(splatted.mean()) if splatted.size else None,
+            "splatted_sd_mm": float(splatted.std()) if splatted.size else None,
+        }
+
     def figures(self) -> dict[str, float]:
-        """Get the figures of the report."""
-        along, perpendicular, splatted = (np.abs(part) for part in self.distances)
+        """Get the figures of the measured points."""
+        along, perpendicular = np.abs(self.distances.along), np.abs(self.distances.perpendicular)
         return {
             "within_1_mm_share": float(np.mean(along < WITHIN_MM)),
             "along_largest_mm": float(along.max()),
@@ -56,8 +67,6 @@ class Evaluation:
             "perpendicular_sd_mm": float(perpendicular.std()),
             "perpendicular_largest_mm": float(perpendicular.max()),
             "on_one_face_along_largest_mm": float(along[self.on_one_face].max()),
-            "splatted_mean_mm": float(splatted.mean()),
-            "splatted_sd_mm": float(splatted.std()),
         }
 
 
@@ -91,8 +100,10 @@ def run(station: Station, *, distance_mm: float = 900.0, averages: int = 8, thin
     for title, method, calibration in _ways(station.calibration):
         seen = ranged_again(cloud, records, method, calibration).with_range()
         evaluations.append(_evaluated(title, seen, calibration, model, start))
-    if float(np.median(np.abs(evaluations[-1].distances.perpendicular))) > RIGHT_BODY_MM:
-        return refused(NAME, "The points do not fit the prism: this is another body, or it stands far off.", REMEDY)
+    best = evaluations[-1]
+    if float(np.median(np.abs(best.distances.perpendicular))) > RIGHT_BODY_MM or best.turn_deg > LARGEST_TURN_DEG:
+        found = "The points do not fit the prism as it should stand: another body, or it stands turned or far off."
+        return refused(NAME, found, REMEDY)
     return _judged(evaluations)
 
 
@@ -115,7 +126,9 @@ def _evaluated(title: str, cloud: Cloud, calibration: Calibration, model: Model,
     angles = true_angles(cloud.angles_rad, calibration.scanner)
     beams = jacobian(angles, cloud.range_mm, calibration.mirror_separation_mm)[..., 2] @ pose[:3, :3].T
     points = cloud.points_mm @ pose[:3, :3].T + pose[:3, 3]
-    return Evaluation(title, points, body.distances(points, beams))
+    cosine = (float(np.trace(pose[:3, :3].T @ start[:3, :3])) - 1.0) / 2.0
+    turn_deg = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+    return Evaluation(title, turn_deg, points, body.distances(points, beams))
 
 
 def _judged(evaluations: list[Evaluation]) -> Outcome:
@@ -124,6 +137,7 @@ def _judged(evaluations: list[Evaluation]) -> Outcome:
     for evaluation in evaluations:
         name = evaluation.title.replace("-", "_")
         figures.update({f"{name}_{what}": value for what, value in evaluation.figures().items()})
+        figures.update({f"{name}_{what}": value for what, value in evaluation.splat_figures().items()})
     found = best.figures()
     share, largest = found["within_1_mm_share"], found["along_largest_mm"]
     mean, on_face = found["perpendicular_mean_mm"], found["on_one_face_along_largest_mm"]

@@ -230,15 +230,14 @@ class Station:
     def stamped(self, calibration: Calibration, provenance: str, **changes: Any) -> Calibration:
         """Return a calibration with new values and with date, provenance and instrument of this run."""
         numbers = {name: one.serial_number for name, one in self.identities.items() if one.serial_number}
-        return calibration.model_copy(
-            update={
-                "date": self.date,
-                "provenance": provenance,
-                "serial_numbers": numbers,
-                "diode_degc": self.settings.diode.target_degc,
-                **changes,
-            }
-        )
+        stamp = {
+            "date": self.date,
+            "provenance": provenance,
+            "serial_numbers": numbers,
+            "diode_degc": self.settings.diode.target_degc,
+        }
+        # A copy would keep the digest of the one it was made from, and would not be checked.
+        return Calibration.model_validate(calibration.model_copy(update={**stamp, **changes}).model_dump())
 
     def _take(self, name: str, job: RasterScan) -> Path:
         sampler = self.controller.bench.sampler

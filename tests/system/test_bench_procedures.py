@@ -1,0 +1,265 @@
+"""Bench procedures on the simulated bench, with few readings: what they find, and what they say of a wrong bench."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from instrument.calibration import Calibration
+from instrument.cli.light_meters import SimulatedLightMeters
+from instrument.cli.main import run as command
+from instrument.cli.session import Session, session
+from instrument.cli.stages import SimulatedStage
+from instrument.procedures import distance, drift, geometry, gray_target, prism, scanner, templates, transmitter
+from instrument.procedures.folder import write_outcome
+from instrument.procedures.outcome import Outcome
+from instrument.procedures.plane_poses import Pose
+from instrument.procedures.stage import Placing
+from instrument.procedures.station import Station, cloud_of
+from instrument.settings import Settings, override
+from sim.wires import Acquisition
+
+DATE = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
+ECHO_FROM_PS = 9000.0
+Small = Callable[[Station], Outcome]
+FEW_CARDS: dict[str, Small] = {"few cards": lambda s: gray_target.run(s, levels=3, readings=10)}
+SMALL: dict[str, Small] = {
+    "gray-target": lambda s: gray_target.run(s, levels=12, readings=20),
+    "templates": lambda s: templates.run(s, levels=3, readings=30),
+    "geometry": lambda s: geometry.run(s, points_a_side=7),
+    "prism": lambda s: prism.run(s, thin=8),
+    "distance": lambda s: distance.run(s, readings=60, short=6),
+    "drift": lambda s: drift.run(s, hours=0.5, interval_s=180.0, readings=2),
+}
+
+
+@pytest.fixture(scope="module")
+def bench() -> Iterator[Session]:
+    """A warm simulated bench for all tests of this file; each leaves the laser off."""
+    with session(override(Settings(), {"simulation": {"target": "plate"}}), None) as run:
+        run.controller.warm_up()
+        yield run
+
+
+@pytest.fixture
+def station(bench: Session, tmp_path: Path) -> Station:
+    assert bench.simulated is not None
+    return make_station(bench, SimulatedStage(bench.simulated), tmp_path)
+
+
+def make_station(bench: Session, stage: Any, folder: Path) -> Station:
+    assert bench.simulated is not None
+    meters = SimulatedLightMeters(bench.simulated)
+    parts = bench.controller, bench.settings, bench.calibration, bench.identities, stage, folder
+    return Station(*parts, lambda _share, _note: None, DATE, meters)
+
+
+def test_gray_target_makes_a_calibration_that_holds_on_cards_held_back(station: Station) -> None:
+    outcome = SMALL["gray-target"](station)
+    assert outcome.passed, outcome.findings
+    assert outcome.calibration is not None
+    assert outcome.calibration.date == DATE
+    assert outcome.calibration.serial_numbers["sampler"] == "SB-0001"
+    assert outcome.calibration.range_zero_mm == pytest.approx(station.calibration.range_zero_mm, abs=0.03)
+    assert outcome.calibration.pointing_sd_rad == station.calibration.pointing_sd_rad
+
+
+def test_geometry_says_what_it_knows_and_writes_a_whole_report(station: Station, bench: Session) -> None:
+    outcome = SMALL["geometry"](station)
+    assert outcome.passed, outcome.findings
+    assert outcome.figures["y_offset_rad"] is None
+    assert abs(float(outcome.figures["x_scale"] or 0)) < 4 * float(outcome.figures["x_scale_sd"] or 0)
+    result = write_outcome(station.folder, outcome, settings=bench.settings, seed=1)
+    names = {path.name for path in station.folder.iterdir()}
+    assert {"report.html", "figures.json", "settings.toml", "calibration.json", "points.csv", "residuals.png"} <= names
+    assert json.loads((station.folder / "figures.json").read_text())["passed"] is True
+    page = (station.folder / "report.html").read_text(encoding="utf-8")
+    assert "PASSED" in page
+    assert 'src="http' not in page
+    assert Calibration.load(Path(result["calibration"])).digest == outcome.calibration.digest  # type: ignore[union-attr]
+
+
+def test_prism_points_lie_within_the_limits(station: Station) -> None:
+    outcome = SMALL["prism"](station)
+    assert outcome.passed, outcome.findings
+    assert float(outcome.figures["template_perpendicular_mean_mm"] or 9) < 0.12
+    assert float(outcome.figures["half_maximum_within_1_mm_share"] or 0) > 0.95
+
+
+def test_distances_are_right_from_62_to_100_cm(station: Station) -> None:
+    outcome = SMALL["distance"](station)
+    assert outcome.passed, outcome.findings
+    assert float(outcome.figures["template_largest_mean_over_distance_mm"] or 9) < 0.1
+    assert float(outcome.figures["half_maximum_overlap_limit_mm"] or 999) <= 640
+
+
+def test_the_scanner_settles_in_the_times_in_force(station: Station) -> None:
+    outcome = scanner.run(station, steps=10, repeats=8)
+    assert outcome.passed, outcome.findings
+    assert 0.2 < float(outcome.figures["flyback_error_after_2_ms_mm"] or 0) < 0.6
+
+
+def test_the_reference_takes_the_drift_out(station: Station) -> None:
+    outcome = SMALL["drift"](station)
+    assert outcome.passed, outcome.findings
+    assert float(outcome.figures["largest_without_reference_mm"] or 0) > 5 * float(
+        outcome.figures["largest_with_reference_mm"] or 9
+    )
+
+
+def test_templates_scatter_less_than_half_maxima(station: Station) -> None:
+    outcome = SMALL["templates"](station)
+    assert outcome.passed, outcome.findings
+    assert outcome.calibration is not None
+    assert "template" not in outcome.calibration.walk  # it goes with the shapes
+
+
+def test_the_working_point_of_the_transmitter_is_found(station: Station) -> None:
+    outcome = transmitter.run(station, volts=(270.0, 290.0), degc=(23.0,))
+    assert outcome.passed, outcome.findings
+    assert outcome.figures["working_drive_v"] == 290.0
+    assert float(outcome.figures["fwhm_ps"] or 0) == pytest.approx(44, abs=1.5)
+    assert station.controller.settings.pulser.drive_v == station.settings.pulser.drive_v
+    station.controller.warm_up()
+
+
+def test_the_calibration_that_ships_fits_the_simulator(station: Station) -> None:
+    for gray, limit_mm in ((0.7, 0.05), (0.35, 0.05), (0.25, 0.10)):
+        told = station.stage.place(Placing("card", 900.0, gray=gray))
+        path = station.stare(f"card-{gray}", 60)
+        for method, allowed in (("template", limit_mm), ("half-maximum", limit_mm + 0.15)):
+            error = cloud_of(path, method, station.calibration).with_range().range_mm - told
+            assert abs(float(error.mean())) < allowed, (gray, method)
+
+
+# ---- a bench that is not as asked for
+
+
+class WrongStage:
+    """Puts up something else than asked for."""
+
+    def __init__(self, stage: SimulatedStage, body: str, distance_mm: float | None = None) -> None:
+        self._stage, self._body, self._distance_mm = stage, body, distance_mm
+
+    def place(self, wanted: Placing) -> float:
+        self._stage.place(Placing(self._body, self._distance_mm or wanted.distance_mm, gray=0.5))
+        return wanted.distance_mm
+
+    def read_scale(self) -> tuple[float, float]:
+        return self._stage.read_scale()
+
+
+@pytest.fixture
+def losing(bench: Session) -> Iterator[Callable[[int], None]]:
+    """Take the echo out of every so many records, as a lid (1) or a bad contact (2) does."""
+    assert bench.simulated is not None
+    hooks = bench.simulated.bench.signal.after
+    before = list(hooks)
+
+    def begin(every: int) -> None:
+        def hook(sums: np.ndarray, wanted: Acquisition) -> np.ndarray:
+            if wanted.key[0] % every:
+                return sums
+            dark = wanted.delay_ps + wanted.step_ps * np.arange(wanted.samples) > ECHO_FROM_PS
+            noise = np.random.default_rng(wanted.key).normal(32.0 * wanted.sweeps, wanted.sweeps**0.5, wanted.samples)
+            return np.where(dark, np.rint(noise).astype(sums.dtype), sums)
+
+        hooks.append(hook)
+
+    yield begin
+    hooks[:] = before
+
+
+@pytest.mark.parametrize("name", SMALL)
+@pytest.mark.parametrize("every", [1, 2])
+def test_a_closed_lid_and_lost_readings_end_with_a_finding(
+    station: Station, losing: Callable[[int], None], name: str, every: int
+) -> None:
+    losing(every)
+    refused(SMALL[name](station), "have no range")
+
+
+@pytest.mark.parametrize(
+    ("name", "body", "distance_mm", "words"),
+    [
+        ("few cards", "plate", None, "no series of gray cards"),
+        ("geometry", "step", None, "not flat"),
+        ("geometry", "plate", 850.0, "was found at 850"),
+        ("geometry", "plate", 1900.0, "have no range"),
+        ("prism", "plate", None, "another body"),
+        ("prism", "plate", 1900.0, "have no range"),
+        ("distance", "plate", 1900.0, "have no range"),
+    ],
+)
+def test_a_wrong_target_ends_with_a_finding(
+    bench: Session, tmp_path: Path, name: str, body: str, distance_mm: float | None, words: str
+) -> None:
+    assert bench.simulated is not None
+    stage = WrongStage(SimulatedStage(bench.simulated), body, distance_mm)
+    refused((SMALL | FEW_CARDS)[name](make_station(bench, stage, tmp_path)), words)
+
+
+def refused(outcome: Outcome, words: str) -> None:
+    assert not outcome.passed
+    assert outcome.calibration is None
+    assert any(words in finding for finding in outcome.findings), outcome.findings
+    assert outcome.next_step
+
+
+def test_one_pose_alone_leaves_the_separation_unknown(station: Station) -> None:
+    assert geometry.run(station, poses=(Pose(800.0),), points_a_side=7).figures["mirror_separation_mm"] is None
+
+
+# ---- on the command line
+
+
+def test_the_command_refuses_unknown_names_and_folders_that_exist(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command(["bench", "grey-target"]) == 2
+    assert "gray-target" in capsys.readouterr().err
+    assert command(["bench", "scanner", "--out", str(tmp_path)]) == 2
+    assert command(["bench", "scanner", "--out", str(tmp_path / "x"), "--date", "yesterday"]) == 2
+    assert not (tmp_path / "x").exists()
+
+
+def test_ctrl_c_ends_a_procedure_safely(tmp_path: Path) -> None:
+    folder = tmp_path / "drift"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "instrument.cli", "bench", "drift", "--out", str(folder)],
+        stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    end = time.monotonic() + 40
+    while not (folder / "raw" / "bright.db").exists() and time.monotonic() < end:
+        time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=40)
+    assert process.returncode == 130, stderr
+    assert "laser off verified" in stderr
+
+
+def test_the_calibration_command_compares_and_judges(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command(["calibration", "status", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["out_of_date"] is False
+    file = tmp_path / "calibration.json"
+    warm = tmp_path / "warm.toml"
+    warm.write_text("[diode]\ntarget_degc = 24.0\n")
+    assert command(["calibration", "status", "--settings", str(warm), "--json"]) == 1
+    assert "run gray-target" in json.loads(capsys.readouterr().out)["reasons"][0]
+    shipped = Path(gray_target.__file__).parents[1] / "data" / "simulated-bench.json"
+    file.write_bytes(shipped.read_bytes())
+    assert command(["calibration", "compare", str(shipped), str(file), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["same"] == "yes"
+    assert command(["calibration", "list", str(tmp_path), "--json"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["calibrations"]) == 1
