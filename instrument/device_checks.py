@@ -13,8 +13,9 @@ from drivers.errors import LimitError
 from drivers.genesys import Genesys
 from drivers.genesys_wire import Fault
 from drivers.helios import Helios
-from drivers.interfaces import SweepSettings
+from drivers.interfaces import Sampler, SweepSettings
 from drivers.mecom import Tec
+from drivers.oscilloscope import Oscilloscope
 from drivers.sampling_bridge import SamplingBridge
 from instrument.settings import Settings
 
@@ -81,6 +82,18 @@ def bridge(device: SamplingBridge, settings: Settings, *, acknowledge: bool) -> 
         yield "gate is locked since its watchdog or the interlock tripped: picoradar doctor --acknowledge (unlocks it)"
     elif status.problem:
         yield f"{status.problem}: run the doctor again; if it comes back, see docs/devices.md"
+    yield from _sampling(device, settings)
+
+
+def oscilloscope(device: Oscilloscope, settings: Settings) -> Iterator[str]:
+    """Check the oscilloscope that takes the traces in the bridge's place."""
+    if problem := device.status().problem:
+        yield f"{problem}: run the doctor again; if it comes back, see docs/devices.md"
+    yield from _sampling(device, settings)
+
+
+def _sampling(device: Sampler, settings: Settings) -> Iterator[str]:
+    """Try whether the device can sample as the settings ask."""
     sampler = settings.sampler
     try:
         device.configure(

@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
-from drivers import helios_wire, sbp
+from drivers import helios_wire, oscilloscope, sbp
 from drivers.errors import DeviceError, ProtocolError, Timeout
 from drivers.interfaces import Device
 from instrument import device_checks as checks
@@ -93,6 +93,9 @@ def examine(settings: Settings, make: DeviceMaker, *, acknowledge: bool = False)
         make.bridge,
         lambda d: checks.bridge(d, settings, acknowledge=acknowledge),
     )[0]
+    if links.sampler == "oscilloscope":
+        link = _usb(oscilloscope, links.usb_backend)
+        yield _examined("oscilloscope", link, make.oscilloscope, lambda d: checks.oscilloscope(d, settings))[0]
 
 
 def _usb(wire: _UsbWire, backend: str) -> str:

@@ -39,3 +39,14 @@ def test_a_scan_through_the_oscilloscope(tmp_path: Path, capsys: pytest.CaptureF
     assert result["points"] == 4
     # Different noise and rate, the same plate: the two agree to what the noise of four readings allows.
     assert abs(np.mean(ranges["scope"]) - np.mean(ranges["bridge"])) < 1.0
+
+
+def test_the_doctor_examines_it_and_says_what_it_cannot_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "scope.toml").write_text(SETTINGS)
+    assert run(["doctor", "--settings", str(tmp_path / "scope.toml"), "--json"]) == 0
+    found = {device["name"]: device for device in json.loads(capsys.readouterr().out)["devices"]}
+    assert found["oscilloscope"]["ok"]
+    (tmp_path / "fast.toml").write_text(SETTINGS.replace("settle_shots = 0", "settle_shots = 16"))
+    assert run(["doctor", "--settings", str(tmp_path / "fast.toml"), "--json"]) == 3
+    found = {device["name"]: device for device in json.loads(capsys.readouterr().out)["devices"]}
+    assert "cannot sample as the settings ask" in found["oscilloscope"]["problem"]
