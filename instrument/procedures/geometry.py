@@ -24,6 +24,7 @@ NAME = "geometry"
 FIELD_SHARE = 0.87  # of the scanner's field that a scan covers, with room for offsets of the mirrors
 WANTED_GRAY = 0.70  # reflectance that gives about 50 mV at 1 m, where the timing walk is flat
 LEAST_INLIERS = 0.8
+MISPLACED_MM = 40.0  # a scanner that is 1 deg off sees a plate turned by 55 deg 20 mm off
 FLAT_FACTOR = 2.0  # noise about the planes over the ranging noise: above, what stands there is not flat
 REMEDY = "Put the flat plate up in the poses asked for, so that it fills the scan, and run this again."
 
@@ -104,7 +105,7 @@ def _misplaced(scan: PlaneScan, pose: Pose, told_mm: float, calibration: Calibra
     if float(np.median(np.abs(off))) > 1.0:
         return f"What stands at {pose} is not flat: half of its points are more than 1 mm off the best plane."
     middle_mm = float(plane[2] / normal[2])
-    if abs(middle_mm - told_mm) > 10.0:
+    if abs(middle_mm - told_mm) > MISPLACED_MM:
         return f"The plate asked for at {pose} was found at {middle_mm:.1f} mm: move it, or mend the distance told."
     return ""
 
