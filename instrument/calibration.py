@@ -192,7 +192,7 @@ class Calibration(_Part):
             raise ValueError("needs a time zone, for example 2026-01-31T12:00:00Z")
         return date.astimezone(datetime.UTC)
 
-    @cached_property
+    @property  # not cached: `model_copy` would take the old digest along
     def digest(self) -> str:
         """Get ``sha256:`` and the hash of the content in canonical JSON (sorted keys, no spaces, UTF-8)."""
         canonical = json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
