@@ -18,7 +18,8 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from benchmarks.faults.cases import Case, all_cases, selection
-from benchmarks.faults.life import Result, run
+from benchmarks.faults.life import run
+from benchmarks.faults.result import Result
 from benchmarks.faults.table import markdown
 from instrument import events
 

@@ -6,13 +6,14 @@ import signal
 import sqlite3
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.faults.cases import Case
+from benchmarks.faults.judge import judge
+from benchmarks.faults.result import Result
 from benchmarks.faults.watch import LightMeter, Seen
 from drivers.clock import VirtualClock
 from drivers.errors import DeviceError
@@ -21,20 +22,16 @@ from instrument.cli.session import calibration_of
 from instrument.controller import Controller, ScanOutcome
 from instrument.devices import make_bench
 from instrument.errors import PicoradarError
-from instrument.recording import Recording, RecordingError
+from instrument.recording import Recording
 from instrument.recording.errors import from_sqlite
 from instrument.scan import RasterScan
-from instrument.scan_line import NO_RANGE, SUSPECT, ScanLine
+from instrument.scan_line import ScanLine
 from instrument.settings import Links, Settings, override
 from sim import SimulatedBench
 from sim.faults import Fault, arm
 
 ROWS = COLUMNS = 4
-WRONG_MM = 2.0  # six standard deviations of a sound point at this number of averages
-WRONG_SD = 6.0  # or of the point's own stated standard deviation, where that is larger
-DARK_S, DEAD_S = 0.050, 1.1  # after a driver's call has shown the fault; after the death of the host
 WALL_LIMIT_S = 60
-DEVICE_LIMIT_S = 2400.0  # warm-up limit, suspensions of every line, and both limits of recovery
 SETTINGS = override(
     Settings(),
     {
@@ -51,71 +48,6 @@ class Defect(Exception):
 
 class Hang(BaseException):
     """The run did not end within its bound."""
-
-
-@dataclass
-class Result:
-    """What one run came to.
-
-    Attributes
-    ----------
-    case : Case
-    state : str
-        State of the controller at the end, before it is acknowledged or shut down.
-    cause : str
-        What `Controller.scan` or another verb raised, or the latched cause; empty when the run completed.
-    lines, suspensions : int
-        Lines stored; times that the scan waited.
-    device_s : float
-        Device time of the whole run.
-    struck_s : float or None
-        When the fault struck first; None when nothing ever met it.
-    fault_to_dark_s : float or None
-        From then until the light was out; None where there was no light then.
-    seen_to_dark_s : float or None
-        From the moment at which a call of a driver showed it until the light was out.
-    off_verified : bool
-        Whether the way out said so.
-    lit : bool
-        Whether there was light at the end, by the bench itself.
-    lost, wrong : int
-        Acknowledged lines that cannot be read; points marked good that are wrong.
-    defect : str
-        Anything else that must not happen: a hang, an unexpected kind of error, a fault without a cause.
-    """
-
-    case: Case
-    state: str = ""
-    cause: str = ""
-    lines: int = 0
-    suspensions: int = 0
-    device_s: float = 0.0
-    struck_s: float | None = None
-    fault_to_dark_s: float | None = None
-    seen_to_dark_s: float | None = None
-    off_verified: bool = False
-    lit: bool = False
-    lost: int = 0
-    wrong: int = 0
-    defect: str = ""
-    errors: list[tuple[float, str]] = field(default_factory=list)
-
-    @property
-    def passed(self) -> bool:
-        """Get whether all promises were kept."""
-        return self.safe and self.in_time and not (self.lost or self.wrong or self.defect)
-
-    @property
-    def safe(self) -> bool:
-        """Get whether there is no light and the host knows it; a dead host cannot."""
-        return not self.lit and (self.off_verified or self.state == "off" or self.case.kind == "host_dead")
-
-    @property
-    def in_time(self) -> bool:
-        """Get whether the light ended in time."""
-        if self.case.kind == "host_dead":
-            return (self.fault_to_dark_s or 0.0) <= DEAD_S
-        return (self.seen_to_dark_s or 0.0) <= DARK_S
 
 
 class Life:
@@ -176,6 +108,7 @@ class Life:
         else:
             self._sink_error_at_s = at_s
 
+    columns = COLUMNS
     _sink_error_at_s = float("inf")
 
     def _stuck_until(self, moment: float) -> None:
@@ -277,79 +210,10 @@ def run(case: Case, folder: Path) -> Result:
     finally:
         signal.alarm(0)
         signal.signal(signal.SIGALRM, before)
-    _judge(result, life)
+    judge(result, life)
     life.bench.close()
     return result
 
 
 def _too_long(_number: int, _frame: Any) -> None:
     raise Hang
-
-
-def _judge(result: Result, life: Life) -> None:
-    controller = life.controller
-    result.state = controller.state
-    result.cause = result.cause or controller.cause
-    result.device_s = life.clock.now()
-    result.lit = life.meter.is_lit()
-    result.off_verified = controller.safe.laser_off_verified
-    result.errors = life.errors
-    result.struck_s = life.struck()
-    if life.outcome is not None:
-        result.suspensions = len(life.outcome.suspended)
-    if result.device_s > DEVICE_LIMIT_S:
-        result.defect += f"; took {result.device_s:.0f} s of device time"
-    if controller.state == "fault" and not controller.cause:
-        result.defect += "; fault without a cause"
-    if result.off_verified and result.lit:
-        result.defect += "; said off while there was light"
-    if controller.state not in ("fault", "ready", "off", "connected"):
-        result.defect += f"; left in state {controller.state}"
-    _time_to_dark(result, life)
-    if life.path.exists():
-        _check_recording(result, life)
-    _leave(result, controller)
-
-
-def _time_to_dark(result: Result, life: Life) -> None:
-    """Find how long light went on after the fault, and after the first sign of it."""
-    struck = result.struck_s
-    if struck is None or (result.state == "ready" and not result.suspensions):
-        return
-    signs = sorted([t for t, _ in life.errors] + life.off_s)
-    for on_s, off_s in life.meter.times:
-        if on_s <= struck <= off_s:
-            result.fault_to_dark_s = off_s - struck
-        seen = [t for t in signs if max(on_s, struck) <= t <= off_s]
-        if seen:
-            result.seen_to_dark_s = max(result.seen_to_dark_s or 0.0, off_s - seen[0])
-
-
-def _check_recording(result: Result, life: Life) -> None:
-    try:
-        with Recording.open(life.path) as recording:
-            sound = {check.index for check in recording.check() if check.ok}
-            cloud = recording.cloud(skip_damaged=True)
-    except RecordingError as error:
-        result.defect += f"; the recording does not open: {error}"
-        return
-    result.lines = len(sound)
-    result.lost = len(set(life.acknowledged) - sound)
-    truth = {key[0]: seen.point_mm for key, seen in life.bench.optics.truth.items()}
-    good = (cloud.flags & np.uint16(SUSPECT | NO_RANGE)) == 0
-    limit_mm = np.maximum(WRONG_MM, WRONG_SD * np.sqrt(cloud.range_variance_mm2))
-    places = cloud.rows.astype(int) * COLUMNS + cloud.columns + 1
-    for place, point, most_mm in zip(places[good], cloud.points_mm[good], limit_mm[good], strict=True):
-        true_mm = truth.get(int(place))
-        if true_mm is None or not np.linalg.norm(point - true_mm) <= most_mm:
-            result.wrong += 1
-
-
-def _leave(result: Result, controller: Controller) -> None:
-    try:
-        if controller.state == "fault":
-            controller.acknowledge()
-        elif controller.state in ("connected", "ready", "warming"):
-            controller.shut_down()
-    except DeviceError as error:
-        result.defect += f"; cannot leave: {error}"

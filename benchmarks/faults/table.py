@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from benchmarks.faults.cases import HOST_KINDS
-from benchmarks.faults.life import Result
+from benchmarks.faults.result import Result
 from instrument.controller import STATES
 from sim.faults import KINDS
 

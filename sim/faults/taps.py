@@ -30,7 +30,7 @@ class SerialTap:
     Attributes
     ----------
     to_device : list of callables
-        ``hook(data)`` returns the bytes that the device hears instead.
+        ``hook(data)`` returns what the device hears instead.
     to_host : list of callables
         ``hook(data, delay_s)`` returns the pieces ``(data, delay_s)`` that go on the line instead.
     """
@@ -134,7 +134,7 @@ class UsbTap:
 
 
 class SignalTap:
-    """Between optics and bridge: sees each window that is taken.
+    """Between optics and bridge.
 
     Attributes
     ----------
@@ -179,8 +179,8 @@ class SignalTap:
 class MirrorsTap:
     """Between DAC and mirrors, with the scan-fail monitor of the galvo amplifier in the interlock chain.
 
-    The monitor compares where the mirrors are sent with where they go: 5 ms after a step they must be within 0.05 deg,
-    else it opens the chain. No software sees the mirrors, so without it a stuck mirror would give wrong points.
+    5 ms after a step the mirrors must be within 0.05 deg of where they were sent, else it opens the chain. No software
+    sees the mirrors: without it a stuck mirror would give wrong points.
 
     Attributes
     ----------
