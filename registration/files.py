@@ -43,6 +43,8 @@ def load_model(path: str | os.PathLike[str]) -> Model:
 def _read_with_trimesh(file: Path) -> tuple[FloatArray, IntArray]:
     import trimesh
 
+    if file.suffix.lower() == ".stl":
+        _check_stl(file)
     try:
         loaded: Any = trimesh.load(file, process=False)
         mesh: Any = loaded.to_mesh() if isinstance(loaded, trimesh.Scene) else loaded
@@ -51,6 +53,28 @@ def _read_with_trimesh(file: Path) -> tuple[FloatArray, IntArray]:
     if not isinstance(mesh, trimesh.Trimesh):
         raise MeshError(f"{file}: holds no triangles (a {type(mesh).__name__}); give a surface mesh")
     return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
+
+
+def _check_stl(file: Path) -> None:
+    """Refuse an STL file that is neither text nor as long as its number of triangles says.
+
+    Raises
+    ------
+    MeshError
+        Which names what the header says and what the file holds.
+    """
+    size = file.stat().st_size
+    with file.open("rb") as opened:
+        head = opened.read(84)
+    if size == 0 or head[:5].lower() == b"solid":
+        return  # nothing, or text (a binary file may begin so, too): the reader tells
+    told = int.from_bytes(head[80:84], "little")
+    if len(head) < 84 or size != 84 + 50 * told:
+        held = max(0, (size - 84) // 50)
+        raise MeshError(
+            f"{file}: no readable mesh: its header says {told} triangles, the file has room for {held}; "
+            "it is truncated or no STL; export it again"
+        )
 
 
 def _read_vtp(file: Path) -> tuple[FloatArray, IntArray]:

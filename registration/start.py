@@ -41,7 +41,7 @@ class Landmarks:
         """
         for index, pair in enumerate(pairs):
             for key in ("scanner", "model"):
-                if not isinstance(pair, Mapping) or key not in pair or np.shape(pair[key]) != (3,):
+                if not isinstance(pair, Mapping) or key not in pair or not _three_numbers(pair[key]):
                     raise StartError(f'landmark {index} has no "{key}" with three numbers (mm)')
         return cls(
             scanner=np.array([pair["scanner"] for pair in pairs], dtype=np.float64).reshape(-1, 3),
@@ -72,4 +72,15 @@ def start_pose(start: Start) -> FloatArray | None:
             return paired_points(start.model, start.scanner).fixed_from_moving
         except (PointsError, DegenerateError) as error:
             raise StartError(f"the landmarks do not fix a start pose: {error}") from error
-    return checked_pose(np.asarray(start, dtype=np.float64))
+    try:
+        matrix = np.asarray(start, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise StartError(f"the start pose is no 4x4 matrix of numbers ({error})") from error
+    return checked_pose(matrix)
+
+
+def _three_numbers(value: object) -> bool:
+    try:
+        return np.asarray(value, dtype=np.float64).shape == (3,)
+    except (TypeError, ValueError):
+        return False

@@ -93,10 +93,10 @@ def judge(evidence: Evidence, tolerance: Tolerance) -> tuple[Verdict, list[str]]
         return "fail", fails + cautions
     if cautions:
         return "caution", cautions
-    worst = max((t.p95_mm for t in evidence.targets), default=0.0)
+    worst = max((t.p95_mm + t.bias_mm for t in evidence.targets), default=0.0)
     return "pass", [
         f"Predicted rotation error {evidence.rotation_sd_deg:.2f} deg (rms); with 95 % probability the error at every "
-        f"target is under {worst:.2f} mm."
+        f"target is under {worst:.2f} mm, a common range error included."
     ]
 
 

@@ -11,6 +11,7 @@ import typer
 from instrument.cli import options, output
 from instrument.errors import BadInput
 
+LEAST_POINTS = 6
 ACCEPTED_ROTATION_DEG = 1.0  # what the clinic asks for (dissertation, chapter 1)
 ACCEPTED_TRANSLATION_MM = 1.0
 
@@ -60,6 +61,10 @@ def demo(
     )
     if wanted.bench != "simulated":
         raise BadInput("demo runs on the simulated bench; for real devices use: picoradar scan --settings FILE")
+    if wanted.simulation.get("target") not in (None, "hip"):
+        raise BadInput("demo needs the landmarks of the hip; for another target use: picoradar scan --target ...")
+    if wanted.scan.rows * wanted.scan.columns < LEAST_POINTS:
+        raise BadInput(f"a pose needs at least {LEAST_POINTS} points; give a larger --grid")
     chosen = registering.checked_method(method)
     folder = report_folder(out)
     with session.session(wanted, options.parse_speed(speed)) as run:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import signal
 import sys
+from types import FrameType
 from typing import Annotated, Any
 
 import typer
@@ -41,7 +43,11 @@ def common(
 def main(arguments: list[str] | None = None) -> None:
     """Run the command and end the process with the exit status of the contract."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    sys.exit(run(arguments))
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _interrupt)
+    code = run(arguments)
+    _ignore_signals()  # the result is out: an impatient second Ctrl-C must not change the exit status
+    sys.exit(code)
 
 
 def run(arguments: list[str]) -> int:
@@ -60,6 +66,17 @@ def run(arguments: list[str]) -> int:
         if code is None:
             raise
         return _failed(arguments, code, str(error))
+
+
+def _interrupt(_signal: int, _frame: FrameType | None) -> None:
+    """Stop outside of a session, where the laser cannot be on; from now on signals only wait for the end."""
+    _ignore_signals()
+    raise KeyboardInterrupt
+
+
+def _ignore_signals() -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
 
 
 def exit_status(error: Exception) -> int | None:

@@ -13,6 +13,8 @@ from instrument.errors import BadInput
 if TYPE_CHECKING:
     from instrument.settings import Settings
 
+FARTHEST = 1e5  # mm or degrees; nothing on the bench is farther away
+
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else there.")]
 Seed = Annotated[int | None, typer.Option(help="Root seed of the simulated bench: same seed, same data.", min=0)]
 SettingsFile = Annotated[
@@ -118,8 +120,10 @@ def parse_numbers(text: str, count: int, option: str, form: str) -> list[float]:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:
         numbers = []
-    if len(numbers) != count or not all(abs(n) < 1e9 for n in numbers):
+    if len(numbers) != count:
         raise BadInput(f"{option} {text!r}: not {count} numbers; give {form}")
+    if not all(abs(n) <= FARTHEST for n in numbers):  # also true for NaN
+        raise BadInput(f"{option} {text!r}: each number must lie within +-{FARTHEST:g}; give {form}")
     return numbers
 
 

@@ -127,6 +127,8 @@ def read_start(start: str, landmarks: Path | None) -> Any:
         When they contradict each other or a file does not hold what it should.
     """
     pairs = read_list(landmarks, "--landmarks")
+    if pairs is not None:
+        _check_pairs(pairs, landmarks)
     if pairs is not None and start in ("any", "landmarks"):
         return pairs
     if start == "any":
@@ -143,6 +145,15 @@ def read_start(start: str, landmarks: Path | None) -> Any:
             f"--start {start}: no 4x4 matrix in it; give rows [[..4 numbers..], ...] or a result of register"
         )
     return pose
+
+
+def _check_pairs(pairs: list[dict[str, Any]], path: Path | None) -> None:
+    from registration import Landmarks, StartError
+
+    try:
+        Landmarks.from_pairs(pairs)
+    except StartError as error:
+        raise BadInput(f"--landmarks {path}: {error}") from error
 
 
 def _read_json(path: Path, option: str) -> Any:
@@ -164,7 +175,8 @@ def show(points: PointFile, result: Registration) -> None:
         "predicted rotation error, deg": f"{result.predicted_rotation_deg:.3f}",
     }
     for target in result.targets:
-        rows[f"predicted error at {target.name}, mm"] = f"{target.rms_mm:.3f} rms, {target.p95_mm:.3f} in 95 %"
+        random = f"{target.rms_mm:.3f} rms, {target.p95_mm:.3f} in 95 %"
+        rows[f"predicted error at {target.name}, mm"] = f"{random}, plus a bias up to {target.bias_mm:.3f}"
     for rival in result.rivals:
         rows["rival pose"] = f"{rival.rotation_deg:.1f} deg, {rival.translation_mm:.1f} mm away"
     rows["model_from_scanner"] = "\n".join(" ".join(f"{v:10.5f}" for v in row) for row in result.model_from_scanner)

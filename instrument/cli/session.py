@@ -121,7 +121,8 @@ def _signals_to(controller: Controller) -> Iterator[None]:
         yield
     finally:
         for number, handler in before.items():
-            signal.signal(number, handler)
+            # Once a person has asked to stop, the way out runs to its end: more signals change nothing.
+            signal.signal(number, signal.SIG_IGN if asked else handler)
 
 
 def warm_up(run: Session) -> None:

@@ -89,7 +89,9 @@ class Requests:
         return False
 
     def _take(self) -> list[Request]:
-        return [self._queue.get() for _ in range(self._queue.qsize())]
+        """Empty the queue; an emergency off is obeyed before whatever was asked for earlier."""
+        asked = [self._queue.get() for _ in range(self._queue.qsize())]
+        return sorted(asked, key=lambda what: what != "emergency off")
 
     @staticmethod
     def _obey(asked: Request) -> None:
