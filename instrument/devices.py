@@ -25,6 +25,8 @@ from instrument.bench import Bench
 from instrument.errors import BadInput
 from instrument.settings import Links
 
+BACKEND_PACKAGES = ("sim", "usb")
+
 
 class DeviceMaker:
     """Makes the devices that the settings name; opens nothing.
@@ -143,6 +145,9 @@ def named_backend(name: str, address: str) -> Any:
     if not name:
         return None
     module, _, function = name.partition(":")
+    if module.split(".")[0] not in BACKEND_PACKAGES:  # a settings file must not run code of its choice
+        allowed = " or ".join(BACKEND_PACKAGES)
+        raise BadInput(f"settings: links.usb_backend {name!r}: only backends of the packages {allowed} are used")
     try:
         return getattr(importlib.import_module(module), function)(address)
     except OSError as error:
