@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import isotonic_regression
 
 from instrument.calibration import Walk
@@ -18,18 +17,37 @@ FloatArray = NDArray[np.float64]
 LEAST_LEVELS, LEAST_READINGS = 4, 10
 KNOTS = 97
 OUTLIER_SIGMAS = 5.0
-LENGTHS = np.geomspace(0.15, 3.0, 24)  # of the kernel, in ln(response)
-SCALES_MM = np.geomspace(0.02, 20.0, 24)
+ROUNDS = 2  # the slope of the first tells what a wrong response does to an error
+LEAST_SHARE = 1e-4  # of the likeliest prior; one less likely than that changes nothing
+
+AT_MV = 15.0  # the priors' scales hold here
+SCALES_MM = np.geomspace(0.02, 60.0, 14)
+LENGTHS = np.geomspace(0.2, 3.0, 10)  # of the kernel, in ln(response)
+POWERS = np.linspace(0.0, 6.0, 5)
+SCALE, LENGTH, POWER = (grid.reshape(-1, 1, 1) for grid in np.meshgrid(SCALES_MM, LENGTHS, POWERS, indexing="ij"))
+
+
+class Means(NamedTuple):
+    """Means of the levels (K,), sorted: response (mV), error and standard deviation of the error (mm)."""
+
+    response: FloatArray
+    error: FloatArray
+    sd: FloatArray
 
 
 def fit_walk(levels: Sequence[tuple[FloatArray, FloatArray]]) -> Walk:
     """Fit the range error against the response.
 
-    A Gaussian process over the logarithm of the response (Matern kernel of order 5/2, constant mean of unknown value;
-    length and scale of greatest marginal likelihood; Rasmussen and Williams, Gaussian Processes for Machine Learning,
-    2006, eq. 2.25-2.30 and 2.42) gives curve and uncertainty, that of the interpolation between levels included. The
-    walk falls with the response for physical reasons (a stronger pulse crosses earlier), so the curve is then
-    made monotone by weighted isotonic regression.
+    The walk dies out as the response grows, and its roughness with it. So the curve is an unknown constant and a
+    Gaussian process over the logarithm of the response (Matern kernel of order 5/2) times a power of the response.
+    The curve and its variance are means over a grid of scales, lengths and powers, each by its marginal likelihood
+    (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, eq. 2.25-2.30, 2.42 and 5.8): twelve
+    levels do not tell these three well enough to take the likeliest for true. The walk falls with the response for
+    physical reasons (a stronger pulse crosses earlier), so the curve is then made monotone by weighted isotonic
+    regression.
+
+    The standard deviation is that of the curve: of the mean error of many readings at one response, on a level that
+    was not measured, what a level's own readings left uncertain and the interpolation included.
 
     Parameters
     ----------
@@ -50,21 +68,20 @@ def fit_walk(levels: Sequence[tuple[FloatArray, FloatArray]]) -> Walk:
     """
     if len(levels) < LEAST_LEVELS:
         raise BadInput(f"a walk calibration needs at least {LEAST_LEVELS} gray levels, not {len(levels)}")
-    means = np.array([_mean(*level, number) for number, level in enumerate(levels)])
-    response, error, sd = means[np.argsort(means[:, 0])].T
-    if response[0] <= 0:
-        raise BadInput(f"a gray level has a response of {response[0]:.3g} mV; take away levels without an echo")
-    if np.any(np.diff(response) < 1e-3 * response[1:]):
-        raise BadInput(f"two gray levels have the same response: {np.round(response, 3).tolist()} mV")
-    knots = np.geomspace(response[0], response[-1], KNOTS)
-    knots[0], knots[-1] = response[0], response[-1]
-    curve, uncertainty = _process(np.log(response), error, sd, np.log(knots))
-    curve = isotonic_regression(curve, weights=1.0 / uncertainty**2, increasing=False).x
-    return Walk(response_mv=tuple(knots.tolist()), error_mm=tuple(curve.tolist()), sd_mm=tuple(uncertainty.tolist()))
+    kept = sorted((_without_outliers(*level, number) for number, level in enumerate(levels)), key=_mean_response)
+    slopes = np.zeros(len(kept))
+    for _ in range(ROUNDS):
+        means = _means(kept, slopes)
+        _check(means.response)
+        knots = np.geomspace(means.response[0], means.response[-1], KNOTS)
+        knots[0], knots[-1] = means.response[0], means.response[-1]
+        curve, sd = _process(means, knots)
+        curve = isotonic_regression(curve, weights=1.0 / sd**2, increasing=False).x
+        slopes = np.interp(means.response, knots, np.gradient(curve, knots))
+    return Walk(response_mv=tuple(knots.tolist()), error_mm=tuple(curve.tolist()), sd_mm=tuple(sd.tolist()))
 
 
-def _mean(response: FloatArray, error: FloatArray, number: int) -> tuple[float, float, float]:
-    """Return mean response, mean error and its standard deviation of one level, without outliers."""
+def _without_outliers(response: FloatArray, error: FloatArray, number: int) -> tuple[FloatArray, FloatArray]:
     response, error = np.asarray(response, dtype=np.float64), np.asarray(error, dtype=np.float64)
     keep = np.isfinite(response) & np.isfinite(error)
     if keep.any():
@@ -72,36 +89,55 @@ def _mean(response: FloatArray, error: FloatArray, number: int) -> tuple[float, 
         keep &= off <= OUTLIER_SIGMAS * 1.4826 * max(float(np.median(off[keep])), 1e-9)
     if (count := int(keep.sum())) < LEAST_READINGS:
         raise BadInput(f"gray level {number} has {count} usable readings; take at least {LEAST_READINGS}")
-    return float(response[keep].mean()), float(error[keep].mean()), float(error[keep].std(ddof=1) / np.sqrt(count))
+    return response[keep], error[keep]
 
 
-def _process(x: FloatArray, y: FloatArray, sd: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return posterior mean and standard deviation of the process at some places."""
-    best = max((_evidence(x, y, sd, length, scale), length, scale) for length in LENGTHS for scale in SCALES_MM)
-    _, length, scale = best
-    factor = cho_factor(_kernel(x, x, length, scale) + np.diag(sd**2))
-    ones = np.ones_like(x)
-    solved = cho_solve(factor, ones)
-    precision = float(ones @ solved)
-    level = float(y @ solved) / precision
-    across = _kernel(at, x, length, scale)
-    mean = level + across @ cho_solve(factor, y - level)
-    known = np.einsum("ij,ji->i", across, cho_solve(factor, across.T))
-    rest = 1.0 - across @ solved  # what the unknown level adds
-    return mean, np.sqrt(np.maximum(scale**2 - known + rest**2 / precision, (0.1 * sd.min()) ** 2))
+def _mean_response(level: tuple[FloatArray, FloatArray]) -> float:
+    return float(level[0].mean())
 
 
-def _evidence(x: FloatArray, y: FloatArray, sd: FloatArray, length: float, scale: float) -> float:
-    """Return the log marginal likelihood, the constant mean integrated out, up to a constant."""
-    factor = cho_factor(_kernel(x, x, length, scale) + np.diag(sd**2))
-    ones = np.ones_like(x)
-    solved = cho_solve(factor, ones)
-    precision = float(ones @ solved)
-    off = y - float(y @ solved) / precision
-    half_log_determinant = float(np.log(np.diag(factor[0])).sum()) + 0.5 * math.log(precision)
-    return -0.5 * float(off @ cho_solve(factor, off)) - half_log_determinant
+def _means(levels: Sequence[tuple[FloatArray, FloatArray]], slopes: FloatArray) -> Means:
+    """Return the levels' means; a response that is off by chance counts as an error of the slope (mm/mV) times that."""
+    rows = [
+        (response.mean(), error.mean(), np.std(error - slope * response, ddof=1) / np.sqrt(len(error)))
+        for (response, error), slope in zip(levels, slopes, strict=True)
+    ]
+    return Means(*np.array(rows).T)
 
 
-def _kernel(a: FloatArray, b: FloatArray, length: float, scale: float) -> FloatArray:
+def _check(response: FloatArray) -> None:
+    if response[0] <= 0:
+        raise BadInput(f"a gray level has a response of {response[0]:.3g} mV; take away levels without an echo")
+    if np.any(np.diff(response) < 1e-3 * response[1:]):
+        raise BadInput(f"two gray levels have the same response: {np.round(response, 3).tolist()} mV")
+
+
+def _process(means: Means, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return mean and standard deviation (K,) of the process at some responses, over all priors."""
+    x, places = np.log(means.response / AT_MV), np.log(at / AT_MV)
+    factor = np.linalg.cholesky(_covariance(x, x, SCALE, LENGTH, POWER) + np.diag(means.sd**2))
+    both = np.column_stack([np.ones_like(x), means.error])
+    ones, errors = np.moveaxis(np.linalg.solve(factor, np.broadcast_to(both, (len(factor), *both.shape))), -1, 0)
+    precision = (ones**2).sum(axis=1)
+    constant = (ones * errors).sum(axis=1) / precision
+    off = errors - constant[:, None] * ones
+    half_log_determinant = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1) + 0.5 * np.log(precision)
+    evidence = -0.5 * (off**2).sum(axis=1) - half_log_determinant
+    weight = np.exp(evidence - evidence.max())
+    likely = weight > LEAST_SHARE
+    scale, length, power, weight = SCALE[likely], LENGTH[likely], POWER[likely], weight[likely] / weight[likely].sum()
+    across = np.linalg.solve(factor[likely], _covariance(x, places, scale, length, power))
+    mean = constant[likely, None] + np.einsum("pka,pk->pa", across, off[likely])
+    rest = 1.0 - np.einsum("pka,pk->pa", across, ones[likely])  # what the unknown constant adds
+    own = (scale * np.exp(-power * places))[:, 0] ** 2
+    variance = np.maximum(own - (across**2).sum(axis=1), 0.0) + rest**2 / precision[likely, None]
+    middle = weight @ mean
+    spread = weight @ (variance + (mean - middle) ** 2)
+    return middle, np.sqrt(np.maximum(spread, (0.1 * means.sd.min()) ** 2))
+
+
+def _covariance(a: FloatArray, b: FloatArray, scale: FloatArray, length: FloatArray, power: FloatArray) -> FloatArray:
+    """Return the prior covariances (P, A, B) of the walk at ln(response / `AT_MV`) for P priors (P, 1, 1)."""
     distance = np.sqrt(5.0) * np.abs(a[:, None] - b[None, :]) / length
-    return np.asarray(scale**2 * (1 + distance + distance**2 / 3) * np.exp(-distance), dtype=np.float64)
+    size = scale**2 * np.exp(-power * (a[:, None] + b[None, :]))
+    return np.asarray(size * (1 + distance + distance**2 / 3) * np.exp(-distance), dtype=np.float64)
