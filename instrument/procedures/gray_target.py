@@ -24,13 +24,14 @@ from instrument.ranging.walk import fit_walk
 
 NAME = "gray-target"
 WALK_FREE_MV = 40.0  # the range zero is taken above: there the walk is flat (figure 2.15)
-WHITE, DARKEST = 0.9, 0.13  # reflectances
+WHITE, DARKEST = 0.9, 0.083  # reflectances
+DISTANCE_MM = 800.0  # white gives 100 mV there, a tenth below the end of the A/D: all that a scan can meet is covered
 LEAST_SPAN = 2.5  # brightest over darkest response: less is no gray wedge
 REFERENCE_ROOM_PS = 400.0  # rate, voltage and temperature move it by some 200 ps
 REMEDY = "Put gray cards between white and black at the stated distance, square to the beam, and run this again."
 
 
-def run(station: Station, *, distance_mm: float = 1000.0, levels: int = 12, readings: int = 200) -> Outcome:
+def run(station: Station, *, distance_mm: float = DISTANCE_MM, levels: int = 12, readings: int = 200) -> Outcome:
     """Measure the cards, fit the calibration, and judge it on the cards held back.
 
     Parameters
@@ -44,7 +45,7 @@ def run(station: Station, *, distance_mm: float = 1000.0, levels: int = 12, read
         Readings a card.
     """
     measured: list[Level] = []
-    grays = np.geomspace(WHITE, DARKEST, 2 * levels - 1)
+    grays = wedge(WHITE, DARKEST, 2 * levels - 1)
     for number, gray in enumerate(grays):
         station.progress(number / len(grays), f"card {number + 1} of {len(grays)}")
         level = measure(station, f"card-{number + 1:02d}", distance_mm, float(gray), readings)
@@ -57,6 +58,11 @@ def run(station: Station, *, distance_mm: float = 1000.0, levels: int = 12, read
     how = f"bench procedure {NAME}: {levels} cards x {readings} readings at {distance_mm:g} mm, {station.stage}"
     calibration = station.stamped(calibrate(measured[0::2], station.calibration), how)
     return judged(NAME, measured, calibration, REMEDY)
+
+
+def wedge(white: float, darkest: float, cards: int) -> FloatArray:
+    """Return the reflectances (cards,) of a wedge, the closer together the darker: there the walk is steep."""
+    return np.asarray(np.linspace(white**-0.5, darkest**-0.5, cards) ** -2.0)
 
 
 def measure(station: Station, name: str, distance_mm: float, gray: float, readings: int) -> Level:

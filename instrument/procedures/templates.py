@@ -13,7 +13,7 @@ import numpy as np
 from instrument.calibration import Calibration, Templates
 from instrument.procedures.findings import lost_readings, refused
 from instrument.procedures.gray_level import Level
-from instrument.procedures.gray_target import measure, no_wedge
+from instrument.procedures.gray_target import DISTANCE_MM, measure, no_wedge, wedge
 from instrument.procedures.outcome import Outcome, Plot, Readings
 from instrument.procedures.station import Station
 from instrument.ranging.learning import learn
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NAME = "templates"
-WHITE, DARKEST = 0.9, 0.16
+WHITE, DARKEST = 0.9, 0.1
 LEAST_GAIN = 2.0  # in standard deviation over the half-maximum estimator
 REMEDY = "Put gray cards between white and black at one place, square to the beam, and run this again."
 
 
-def run(station: Station, *, distance_mm: float = 1000.0, levels: int = 6, readings: int = 100) -> Outcome:
+def run(station: Station, *, distance_mm: float = DISTANCE_MM, levels: int = 6, readings: int = 100) -> Outcome:
     """Measure cards, learn the shapes from every second one, and judge them on the others.
 
     Parameters
@@ -43,7 +43,7 @@ def run(station: Station, *, distance_mm: float = 1000.0, levels: int = 6, readi
     before = station.calibration
     bare = before.model_copy(update={"walk": {}, "reference_ps": None})
     measured: list[Level] = []
-    grays = np.geomspace(WHITE, DARKEST, 2 * levels - 1)
+    grays = wedge(WHITE, DARKEST, 2 * levels - 1)
     for number, gray in enumerate(grays):
         station.progress(number / len(grays), f"card {number + 1} of {len(grays)}")
         level = measure(station, f"card-{number + 1:02d}", distance_mm, float(gray), readings)
