@@ -4,7 +4,7 @@ A model ``s(t) = A g(t - tau; A)`` whose shape g changes slowly with the amplitu
 ladder of amplitudes and for several places of the 50 % point between two samples, the table holds the signal s, its
 derivatives ``d = (ds/dtau, ds/dA, 1) = (-s', g + A dg/dA, 1)``, the inverse variance w of a sample there, and running
 sums of the normal equations, so that those of any piece are the difference of two entries. Between the entries the
-linear model of a Gauss-Newton step is exact to 1e-3 of the noise.
+model of a Gauss-Newton step, linear but for the slope's growth with the amplitude, is exact to 1e-3 of the noise.
 """
 
 from __future__ import annotations
@@ -101,10 +101,7 @@ class ShapeTable:
 
         The delays are held within what the table covers.
         """
-        lowest = self._ladder[0]
-        spacing = np.log(self._ladder[-1] / lowest) / (len(self._ladder) - 1)
-        rung = np.rint(np.log(np.maximum(amplitude_mv, lowest) / lowest) / spacing).astype(np.int64)
-        rung = np.minimum(rung, len(self._ladder) - 1)
+        rung = np.rint(self._height(amplitude_mv)).astype(np.int64)
         steps = np.rint(delay_ps / self.step_ps * self._phases).astype(np.int64)
         steps = np.clip(steps, (samples - self._before) * self._phases, self._before * self._phases)
         whole, phase = np.divmod(steps, self._phases)
@@ -114,11 +111,25 @@ class ShapeTable:
 
     def normal_matrix(self, entries: Entries, samples: int) -> FloatArray:
         """Return ``sum w d d^T`` (R, 3, 3) over the samples of each piece."""
-        sums = self._normal_sums[entries.first + samples] - self._normal_sums[entries.first]
-        matrix = np.empty((len(sums), 3, 3))
-        for k, (i, j) in enumerate(PAIRS):
-            matrix[:, i, j] = matrix[:, j, i] = sums[:, k]
-        return matrix
+        return _matrix(self._normal_sums[entries.first + samples] - self._normal_sums[entries.first])
+
+    def information(self, delay_ps: FloatArray, amplitude_mv: FloatArray, samples: int) -> FloatArray:
+        """Return the Fisher information (R, 3, 3) of pieces with pulses of just these amplitudes.
+
+        It lies between the normal matrices of the two neighbouring amplitudes of the table, which differ by a third.
+        """
+        height = self._height(amplitude_mv)
+        low = np.minimum(height.astype(np.int64), len(self._ladder) - 2)
+        near = self.locate(delay_ps, self._ladder[low], samples).first
+        rung = self._phases * self._length
+        lower, upper = (self._normal_sums[at + samples] - self._normal_sums[at] for at in (near, near + rung))
+        return _matrix(lower + (height - low)[:, None] * (upper - lower))
+
+    def _height(self, amplitude_mv: FloatArray) -> FloatArray:
+        """Return how many rungs up the ladder of amplitudes each one stands, between its ends."""
+        lowest, highest = self._ladder[0], self._ladder[-1]
+        spacing = np.log(highest / lowest) / (len(self._ladder) - 1)
+        return np.asarray(np.log(np.clip(amplitude_mv, lowest, highest) / lowest) / spacing, dtype=np.float64)
 
     def score(self, entries: Entries, pieces_mv: FloatArray) -> FloatArray:
         """Return ``sum w d (x - s)`` (R, 3) over the samples x (R, M) of each piece."""
@@ -144,6 +155,13 @@ def sample_variance(noise: ShotNoise, signal_mv: FloatArray, slope_mv_per_ps: Fl
     signal = np.maximum(signal_mv, 0.0)
     excess = noise.signal_mv * signal + (noise.signal_share * signal) ** 2 + (noise.jitter_ps * slope_mv_per_ps) ** 2
     return np.asarray(noise.floor_mv**2 + excess, dtype=np.float64)
+
+
+def _matrix(sums: FloatArray) -> FloatArray:
+    matrix = np.empty((len(sums), 3, 3))
+    for k, (i, j) in enumerate(PAIRS):
+        matrix[:, i, j] = matrix[:, j, i] = sums[:, k]
+    return matrix
 
 
 def _pieces(table: FloatArray, first: IntArray, samples: int) -> FloatArray:

@@ -113,6 +113,6 @@ def _promise(
     for k, (table, window) in enumerate(zip(shapes, windows, strict=True)):
         samples = min(window.samples, round((LEAD_PS + TRAIL_PS) / window.step_ps))
         amplitudes[k] = table.usual_mv if amplitude_mv is None else amplitude_mv
-        near = table.locate(np.array([min(room_ps, LEAD_PS)]), amplitudes[k : k + 1], samples)
-        covariances[k] = np.linalg.inv(table.normal_matrix(near, samples)[0]) / window.sweeps
+        information = table.information(np.array([min(room_ps, LEAD_PS)]), amplitudes[k : k + 1], samples)[0]
+        covariances[k] = np.linalg.inv(information) / window.sweeps
     return amplitudes, covariances

@@ -45,6 +45,22 @@ def test_repeated_readings_reach_the_bound_and_have_the_variance_told(
     assert np.mean(spread**2 / found.variance_mm2) == pytest.approx(1.0, abs=uncertainty)
 
 
+@pytest.mark.parametrize("response_mv", [52.0, 54.0, 56.0, 58.0])  # over a whole rung of the table of shapes
+def test_neither_range_nor_variance_depends_on_where_the_amplitude_stands_in_the_table(
+    receiver: Receiver, calibrated: Calibration, response_mv: float
+) -> None:
+    bare = calibrated.model_copy(update={"walk": {}})
+    traces = receiver.traces(receiver.times_ps, INTERVAL, response_mv, records=400, sweeps=8, seed=6)
+    found = estimate(traces, receiver.times_ps, method="template", calibration=bare, sweeps=8)
+    bound = receiver.bound_mm2(receiver.times_ps, INTERVAL, response_mv, 8)
+    assert found.variance_mm2.mean() / bound == pytest.approx(1.0, abs=0.025)
+    # The fit starts from the half-maximum points, whose error is five times its own. Nothing of it may be left: what
+    # an efficient estimate and a worse one have in common is the error of the efficient one.
+    crossing = estimate(traces, receiver.times_ps, method="half-maximum", calibration=bare, sweeps=8)
+    common = np.polyfit(crossing.range_mm, found.range_mm, 1)[0]
+    assert common == pytest.approx(found.range_mm.var() / crossing.range_mm.var(), abs=0.035)
+
+
 def test_it_is_many_times_better_than_half_maximum(receiver: Receiver, calibrated: Calibration) -> None:
     traces = receiver.traces(receiver.times_ps, INTERVAL, 45.0, records=500, sweeps=8, seed=3)
     template = estimate(traces, receiver.times_ps, method="template", calibration=calibrated, sweeps=8)
