@@ -9,7 +9,7 @@ from __future__ import annotations
 from registration.dissertation import DissertationSettings
 from registration.errors import DegenerateError, MeshError, PointsError, RegistrationError, StartError
 from registration.files import load_model
-from registration.front import register
+from registration.front import check_targets, register
 from registration.measures import pose_error, residual_measures
 from registration.model import Model, prepare_model
 from registration.paired import PairedPoints, paired_points
@@ -32,6 +32,7 @@ __all__ = [
     "StartError",
     "Target",
     "Tolerance",
+    "check_targets",
     "load_model",
     "paired_points",
     "pose_error",

@@ -7,9 +7,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from registration._types import BoolArray, FloatArray
+from registration.assess import Solution
 from registration.icp import IcpResult, Iteration, icp
+from registration.model import Model
+from registration.noise import TYPICAL_RANGE_MM, NoiseModel, estimated_range_noise
 from registration.rigid import pose, rotation_from_vector, transform
+from registration.scan import Scan
 from registration.surface import Surface
+from registration.tissue import neighbours
+from registration.visibility import visible_shell
 
 
 @dataclass(frozen=True)
@@ -23,7 +29,7 @@ class DissertationSettings:
     tolerance_mm2 : float
         ICP stops when the mean square distance improves by less.
     suppression_runs : int
-        Perturbed runs that must pass without improvement before minima suppression ends; 0 switches it off.
+        Perturbed runs of minima suppression; 0 switches it off.
     perturbation_deg, perturbation_mm : float
         Bounds of the random perturbation: angle of the angle-axis form, and length of the translation.
     outlier_threshold_mm : float or None
@@ -77,6 +83,7 @@ def register_dissertation(
     best = suppress_minima(points, surface, start, s)
     history = list(best.history)
     used = np.ones(len(points), dtype=np.bool_)
+    # Near the end few outliers are left, and a share of them would round to none: one goes in every pass.
     while s.outlier_threshold_mm is not None:
         distances = np.abs(surface.closest(transform(best.model_from_scanner, points[used])).signed_mm)
         outliers = np.flatnonzero(distances > s.outlier_threshold_mm)
@@ -93,16 +100,58 @@ def register_dissertation(
             best.model_from_scanner,
             max_iterations=s.max_iterations,
             tolerance_mm2=s.tolerance_mm2,
+            accelerated=s.accelerated,
             stage="outlier elimination",
         )
         history.extend(best.history)
     return DissertationResult(best.model_from_scanner, used, history)
 
 
+def solve_as_dissertation(
+    scan: Scan, model: Model, start: FloatArray, noise_mm: float | None, settings: DissertationSettings | None = None
+) -> Solution:
+    """Register a scan to a model, ready to be assessed.
+
+    A closed model is cut to what the scanner can see from the start; the dissertation's models were cut by hand.
+
+    Parameters
+    ----------
+    scan : Scan
+    model : Model
+    start : (4, 4) array
+        `model_from_scanner`.
+    noise_mm : float or None
+        Range noise for the predicted errors; estimated from the residuals when None.
+    settings : DissertationSettings, optional
+    """
+    surface = model.surface
+    if model.closed:
+        towards = transform(start, scan.origin[None])[0] - transform(start, scan.points).mean(axis=0)
+        surface = visible_shell(surface, towards)
+    result = register_dissertation(scan.points, surface, start, settings)
+    closest = surface.closest(transform(result.model_from_scanner, scan.points))
+    noise = noise_mm or estimated_range_noise(closest.signed_mm[result.used], TYPICAL_RANGE_MM)
+    return Solution(
+        model_from_scanner=result.model_from_scanner,
+        closest=closest,
+        inliers=result.used,
+        history=result.history,
+        rivals=[],
+        noise=NoiseModel(noise),
+        around=neighbours(scan),
+        cost=float(np.mean(closest.signed_mm**2)),
+        method="dissertation",
+    )
+
+
 def suppress_minima(
     points: FloatArray, surface: Surface, start: FloatArray, settings: DissertationSettings
 ) -> IcpResult:
-    """Repeat ICP from random perturbations of the best pose until nothing improves (dissertation S 3.3.3)."""
+    """Repeat ICP from random perturbations of the best pose and keep the best (dissertation S 3.3.3).
+
+    The text ends "until there is no additional improvement", the tables give a "maximum number of iterations within
+    minima suppression": one run without improvement proves little, so the full number is always run.
+    """
     s = settings
     rng = np.random.default_rng(s.seed)
 
@@ -119,17 +168,12 @@ def suppress_minima(
 
     best = run(start, "icp")
     history = list(best.history)
-    error, barren = float(np.mean(best.distances_mm**2)), 0
     centre = points.mean(axis=0)
-    while barren < s.suppression_runs:
-        perturbed = best.model_from_scanner @ _perturbation(rng, s, centre)
-        trial = run(perturbed, "minima suppression")
+    for _ in range(s.suppression_runs):
+        trial = run(best.model_from_scanner @ _perturbation(rng, s, centre), "minima suppression")
         history.extend(trial.history)
-        trial_error = float(np.mean(trial.distances_mm**2))
-        if trial_error < error - s.tolerance_mm2:
-            best, error, barren = trial, trial_error, 0
-        else:
-            barren += 1
+        if np.mean(trial.distances_mm**2) < np.mean(best.distances_mm**2):
+            best = trial
     return IcpResult(best.model_from_scanner, best.distances_mm, best.converged, history)
 
 

@@ -8,22 +8,16 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from registration._types import FloatArray
-from registration.assess import Asked, Solution, assess
-from registration.dissertation import DissertationSettings, register_dissertation
+from registration.assess import Asked, assess, named_targets
+from registration.dissertation import DissertationSettings, solve_as_dissertation
 from registration.errors import RegistrationError, StartError
 from registration.exclusion import excluded_regions
 from registration.model import Model
-from registration.noise import TYPICAL_RANGE_MM, NoiseModel, estimated_range_noise
 from registration.result import Registration
-from registration.rigid import transform
 from registration.robust import register_robust
-from registration.scan import Scan, checked_scan
+from registration.scan import checked_scan
 from registration.start import Start, start_pose
-from registration.surface import Surface
-from registration.tissue import neighbours
 from registration.verdict import Tolerance
-from registration.visibility import visible_shell
 
 
 def register(
@@ -89,40 +83,31 @@ def register(
     scan = checked_scan(points, origin=origin, covariance=covariance, response_mv=response_mv, grid=grid)
     if noise_mm is not None and not (np.isfinite(noise_mm) and noise_mm > 0):
         raise RegistrationError(f"noise_mm is {noise_mm}: give a positive number of mm, or leave it out")
+    check_targets(targets)
     regions = excluded_regions(exclude)
     from_start = start_pose(start)
-    if method == "dissertation":
-        solution = _dissertation(scan, model, from_start, settings)
-    elif method == "robust":
+    if method == "robust":
         solution = register_robust(scan, model, from_start, noise_mm, regions)
+    elif method == "dissertation":
+        if from_start is None:
+            raise StartError("method 'dissertation' needs a start: landmarks or a 4x4 pose; method 'robust' does not")
+        if len(regions) > 0:
+            raise RegistrationError("method 'dissertation' knows no excluded regions: cut the points, or take 'robust'")
+        solution = solve_as_dissertation(scan, model, from_start, noise_mm, settings)
     else:
         raise RegistrationError(f"method is {method!r}: give 'robust' or 'dissertation'")
     asked = Asked(targets=targets, tolerance=tolerance or Tolerance(), range_bias_mm=range_bias_mm)
     return assess(scan, solution, asked, list(model.report.findings))
 
 
-def _shell(scan: Scan, model: Model, start: FloatArray) -> Surface:
-    towards = transform(start, scan.origin[None])[0] - transform(start, scan.points).mean(axis=0)
-    return visible_shell(model.surface, towards)
+def check_targets(targets: npt.ArrayLike | Sequence[dict[str, Any]] | None) -> None:
+    """Refuse targets that cannot be used, before a registration takes its time.
 
-
-def _dissertation(
-    scan: Scan, model: Model, start: FloatArray | None, settings: DissertationSettings | None
-) -> Solution:
-    if start is None:
-        raise StartError("method 'dissertation' needs a start: give landmarks or a 4x4 pose, or take method 'robust'")
-    surface = _shell(scan, model, start) if model.closed else model.surface
-    result = register_dissertation(scan.points, surface, start, settings)
-    closest = surface.closest(transform(result.model_from_scanner, scan.points))
-    noise = NoiseModel(estimated_range_noise(closest.signed_mm[result.used], TYPICAL_RANGE_MM))
-    return Solution(
-        model_from_scanner=result.model_from_scanner,
-        closest=closest,
-        inliers=result.used,
-        history=result.history,
-        rivals=[],
-        noise=noise,
-        around=neighbours(scan),
-        cost=float(np.mean(closest.signed_mm**2)),
-        method="dissertation",
-    )
+    Raises
+    ------
+    RegistrationError
+        If targets are neither finite (M, 3) nor dicts with a finite "position".
+    """
+    for name, position in named_targets(targets, np.zeros(3)):
+        if not np.isfinite(position).all():
+            raise RegistrationError(f"{name} is at {position.tolist()}: give finite numbers, model frame, mm")

@@ -53,6 +53,10 @@ def register(
     import registration as reg
     from instrument.point_files import read_points
 
+    chosen = checked_method(method)
+    begin = read_start(start, landmarks)
+    places = read_targets(targets)
+    regions = read_regions(exclude)
     points = read_points(cloud)
     began = time.perf_counter()
     prepared = reg.load_model(model)
@@ -63,15 +67,15 @@ def register(
     result = reg.register(
         points.points,
         prepared,
-        start=read_start(start, landmarks),
+        start=begin,
         origin=(0.0, 0.0, 0.0) if origin is None else origin,
         covariance=points.covariance,
         response_mv=points.response_mv,
         grid=points.grid,
-        method=checked_method(method),
-        targets=read_list(targets, "--targets"),
+        method=chosen,
+        targets=places,
         noise_mm=noise_mm,
-        exclude=read_list(exclude, "--exclude"),
+        exclude=regions,
     )
     done = time.perf_counter()
     described = describe(result, prepare_ms=(prepared_at - began) * 1e3, register_ms=(done - prepared_at) * 1e3)
@@ -116,6 +120,37 @@ def read_list(path: Path | None, option: str) -> list[dict[str, Any]] | None:
     if not isinstance(content, list) or not all(isinstance(entry, dict) for entry in content):
         raise BadInput(f"{option} {path}: a JSON list of objects is needed; see picoradar register --help")
     return content
+
+
+def read_targets(path: Path | None) -> list[dict[str, Any]] | None:
+    """Read the places where the error matters; what is wrong with them is said before the registration begins.
+
+    Raises
+    ------
+    BadInput
+        With file and finding.
+    """
+    from registration import RegistrationError, check_targets
+
+    entries = read_list(path, "--targets")
+    try:
+        check_targets(entries)
+    except RegistrationError as error:
+        raise BadInput(f"--targets {path}: {error}") from error
+    return entries
+
+
+def read_regions(path: Path | None) -> list[dict[str, Any]] | None:
+    """Read the regions of the model that take no part; refused like `read_targets`."""
+    from registration import RegistrationError
+    from registration.exclusion import excluded_regions
+
+    entries = read_list(path, "--exclude")
+    try:
+        excluded_regions(entries)
+    except RegistrationError as error:
+        raise BadInput(f"--exclude {path}: {error}") from error
+    return entries
 
 
 def read_start(start: str, landmarks: Path | None) -> Any:

@@ -1,0 +1,33 @@
+"""``picoradar register`` says what is wrong with the files beside the cloud before it begins, naming the file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from instrument.cli.main import run
+
+
+@pytest.mark.parametrize(
+    ("option", "content", "finding"),
+    [
+        ("--targets", '[{"name": "rim"}]', "position"),
+        ("--targets", '[{"name": "rim", "position": [0, NaN, 1]}]', "rim is at"),
+        ("--targets", '{"position": [0, 0, 0]}', "JSON list of objects"),
+        ("--exclude", '[{"center": [0, 0], "radius_mm": 3}]', "excluded region 0"),
+        ("--landmarks", '[{"scanner": [0, 0, 1]}]', "model"),
+    ],
+)
+def test_a_bad_file_is_named_before_the_cloud_is_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str, content: str, finding: str
+) -> None:
+    file = tmp_path / "places.json"
+    file.write_text(content, encoding="utf-8")
+    cloud = tmp_path / "there-is-no-cloud.csv"
+    code = run(["register", str(cloud), str(tmp_path / "nor-a-model.stl"), option, str(file)])
+    message = capsys.readouterr().err
+    assert code == 2
+    assert f"{option} {file}" in message
+    assert finding in message
+    assert str(cloud) not in message
