@@ -1,6 +1,7 @@
 """Whether the bench procedures keep what they state: many seeds, against the truth of the simulator.
 
-    python benchmarks/bench_procedures.py walk     [--seeds 200]   95 % band of the walk calibration
+    python benchmarks/bench_procedures.py walk     [--seeds 200]   95 % band of the walk calibration about known curves
+    python benchmarks/bench_procedures.py unseen   [--seeds 200]   the same on unseen cards, simulated receiver
     python benchmarks/bench_procedures.py geometry [--seeds 100]   parameters of the scanner within their uncertainty
     python benchmarks/bench_procedures.py bench    [--seeds 2]     the same through whole scans of the simulated bench
 
@@ -17,25 +18,38 @@ import math
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
+from functools import partial
 from importlib import resources
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.calibration import METHODS, Calibration
+from instrument.calibration import METHODS, Calibration, Walk
 from instrument.cli.stages import HIDDEN
 from instrument.geometry import codes_to_angles
+from instrument.procedures.gray_target import DARKEST, WHITE, wedge
 from instrument.procedures.plane_fit import OFFSET_SD_MM, PlaneFit, fit_planes
 from instrument.procedures.plane_poses import DEFAULT_POSES, Pose, plane_of
 from instrument.procedures.planes import PARAMETERS, PlaneScan, normal_of, points
+from instrument.ranging import estimate
+from instrument.ranging.learning import learn
 from instrument.ranging.walk import fit_walk
 from sim.scanner import trace
+from sim.validation.bench import SWEEPS, TIMES_PS, painted
 
 FloatArray = NDArray[np.float64]
 
 READING_SD = {"half-maximum": (0.20, 3.2), "template": (0.035, 0.75)}  # mm: a + b / response, as gray-target reports
 LEVELS, READINGS = 12, 200
+POOL = 3000  # readings of each card, of which a seed takes some
+JUDGED_MV = (15.0, 95.0)
+LAWS: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "logistic": lambda r: 8.0 / (1.0 + np.exp((r - 13.0) / 3.5)),
+    "exponential": lambda r: 5.3 * np.exp((15.0 - r) / 4.5),
+    "power": lambda r: 5.3 * (15.0 / r) ** 3,
+}
 RANGE_SD_MM, OUTLIERS, OUTLIER_MM = 0.05, 0.05, 30.0
 REPEATABILITY_RAD = math.radians(0.0022)
 SIDE, HALF_CODES = 24, 1638
@@ -48,25 +62,71 @@ def shipped() -> Calibration:
 
 
 def walk(seeds: int) -> None:
-    """Fit the walk to levels drawn about a known curve; count how often the band holds the error of the fit."""
+    """Fit the walk to levels drawn about known curves; count how often the band holds the error of the fit."""
+    at = np.geomspace(JUDGED_MV[0], 60.0, 60)
     for method in METHODS:
-        true = shipped().walk[method]
-        low, high = true.valid_mv
-        a, b = READING_SD[method]
-        inside, total = 0, 0
+        fixed, inverse = READING_SD[method]
+        own = shipped().walk[method]
+        laws: dict[str, Callable[[FloatArray], FloatArray]] = {"the curve that ships": partial(_known, own), **LAWS}
+        for name, law in laws.items():
+            inside = 0
+            for seed in range(seeds):
+                rng = np.random.default_rng([seed, 1])
+                levels = []
+                for response in np.geomspace(9.0, 63.0, LEVELS) * rng.uniform(0.98, 1.02, LEVELS):
+                    errors = law(np.array([response]))[0] + rng.normal(0, fixed + inverse / response, READINGS)
+                    levels.append((response + rng.normal(0, 0.05, READINGS), errors))
+                curve = fit_walk(levels).at(at)
+                inside += int(np.count_nonzero(np.abs(curve.error_mm - law(at)) <= 1.96 * curve.sd_mm))
+            print(f"walk, {method}, {name}: the 95 % band holds {100 * inside / (seeds * at.size):.1f} % of the errors")
+
+
+def _known(curve: Walk, response_mv: FloatArray) -> FloatArray:
+    return curve.at(response_mv).error_mm
+
+
+def unseen(seeds: int) -> None:
+    """Calibrate on simulated gray cards, and judge the band on cards that the calibration has not seen.
+
+    The cards' readings are drawn once; each seed calibrates by its own choice of them. The error of a card is the mean
+    of all its corrected readings, whose own standard error is counted in.
+    """
+    known = 95.0 * wedge(WHITE, DARKEST, LEVELS) / WHITE
+    between = known[1:] + np.random.default_rng(7).uniform(0.1, 0.9, LEVELS - 1) * (known[:-1] - known[1:])
+    responses = np.sort(np.concatenate([known, between]))[::-1]
+    cards = [_readings(k, float(response)) for k, response in enumerate(responses)]
+    templates, noise = learn([card[0][:READINGS] for card in cards[0::2]], TIMES_PS, sweeps=SWEEPS)
+    bare = shipped().model_copy(update={"templates": templates, "noise": noise, "walk": {}, "reference_ps": None})
+    for method in METHODS:
+        found = []
+        for traces, true_mm in cards:
+            ranges = estimate(traces, TIMES_PS, method=method, calibration=bare, sweeps=SWEEPS)
+            good = np.isfinite(ranges.range_mm)
+            found.append((ranges.response_mv[good], (ranges.range_mm - true_mm)[good]))
+        inside, total, largest = 0, 0, 0.0
         for seed in range(seeds):
-            rng = np.random.default_rng([seed, 1])
+            rng = np.random.default_rng([seed, 3])
             levels = []
-            for response in np.geomspace(low, high, LEVELS) * rng.uniform(0.98, 1.02, LEVELS):
-                near = float(np.clip(response, low, high))
-                errors = true.at(np.array([near])).error_mm[0] + rng.normal(0, a + b / near, READINGS)
-                levels.append((near + rng.normal(0, 0.05, READINGS), errors))
+            for response, error in found[0::2]:
+                chosen = rng.choice(len(error), READINGS, replace=False)
+                levels.append((response[chosen], error[chosen]))
             fitted = fit_walk(levels)
-            at = np.linspace(max(15.0, fitted.valid_mv[0]), fitted.valid_mv[1], 60)
-            curve = fitted.at(at)
-            inside += int(np.count_nonzero(np.abs(curve.error_mm - true.at(at).error_mm) <= 1.96 * curve.sd_mm))
-            total += at.size
-        print(f"walk, {method}: the 95 % band holds {100 * inside / total:.1f} % of the errors over {seeds} seeds")
+            for response, error in found[1::2]:
+                if JUDGED_MV[0] <= response.mean() <= JUDGED_MV[1]:
+                    curve = fitted.at(response)
+                    left = error - curve.error_mm
+                    off, own = abs(float(left.mean())), float(left.std()) / len(left) ** 0.5
+                    inside += off <= 1.96 * math.hypot(float(curve.sd_mm.mean()), own)
+                    total, largest = total + 1, max(largest, off)
+        share = 100 * inside / total
+        print(f"unseen cards, {method}: the 95 % band holds {share:.1f} % of {total} errors, largest {largest:.3f} mm")
+
+
+def _readings(number: int, response_mv: float) -> tuple[FloatArray, FloatArray]:
+    """Return traces (R, S) mV and true ranges (R,) mm of one card."""
+    card = painted(300 + number, response_mv, target="plate", distance_mm=800.0)
+    taken = [card.take() for _ in range(POOL)]
+    return np.stack([trace for trace, _ in taken]), np.array([truth.range_mm for _, truth in taken])
 
 
 def hidden(seed: int) -> dict[str, float]:
@@ -178,10 +238,10 @@ def bench(seeds: int) -> None:
 def main() -> None:
     """Run one of the comparisons."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("walk", "geometry", "bench"))
+    parser.add_argument("what", choices=("walk", "unseen", "geometry", "bench"))
     parser.add_argument("--seeds", type=int)
     wanted = parser.parse_args()
-    defaults = {"walk": (walk, 200), "geometry": (geometry, 100), "bench": (bench, 2)}
+    defaults = {"walk": (walk, 200), "unseen": (unseen, 200), "geometry": (geometry, 100), "bench": (bench, 2)}
     run, seeds = defaults[wanted.what]
     run(wanted.seeds or seeds)
 

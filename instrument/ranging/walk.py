@@ -18,7 +18,8 @@ LEAST_LEVELS, LEAST_READINGS = 4, 10
 KNOTS = 97
 OUTLIER_SIGMAS = 5.0
 ROUNDS = 2  # the slope of the first tells what a wrong response does to an error
-LEAST_SHARE = 1e-4  # of the likeliest prior; one less likely than that changes nothing
+DRAWN = 400  # curves; their standard deviation is known to 4 %
+LEAST_SHARE = 1e-3  # of the likeliest prior; one less likely than that changes nothing
 
 AT_MV = 15.0  # the priors' scales hold here
 SCALES_MM = np.geomspace(0.02, 60.0, 14)
@@ -39,12 +40,13 @@ def fit_walk(levels: Sequence[tuple[FloatArray, FloatArray]]) -> Walk:
     """Fit the range error against the response.
 
     The walk dies out as the response grows, and its roughness with it. So the curve is an unknown constant and a
-    Gaussian process over the logarithm of the response (Matern kernel of order 5/2) times a power of the response.
+    Gaussian process over the logarithm of the response (Matern kernel of order 9/2) times a power of the response.
     The curve and its variance are means over a grid of scales, lengths and powers, each by its marginal likelihood
     (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, eq. 2.25-2.30, 2.42 and 5.8): twelve
     levels do not tell these three well enough to take the likeliest for true. The walk falls with the response for
     physical reasons (a stronger pulse crosses earlier), so the curve is then made monotone by weighted isotonic
-    regression.
+    regression, and so are curves drawn from the process, which tell the standard deviation (Lin and Dunson, Biometrika
+    101 (2014) 303).
 
     The standard deviation is that of the curve: of the mean error of many readings at one response, on a level that
     was not measured, what a level's own readings left uncertain and the interpolation included.
@@ -75,8 +77,7 @@ def fit_walk(levels: Sequence[tuple[FloatArray, FloatArray]]) -> Walk:
         _check(means.response)
         knots = np.geomspace(means.response[0], means.response[-1], KNOTS)
         knots[0], knots[-1] = means.response[0], means.response[-1]
-        curve, sd = _process(means, knots)
-        curve = isotonic_regression(curve, weights=1.0 / sd**2, increasing=False).x
+        curve, sd = _falling(*_process(means, knots))
         slopes = np.interp(means.response, knots, np.gradient(curve, knots))
     return Walk(response_mv=tuple(knots.tolist()), error_mm=tuple(curve.tolist()), sd_mm=tuple(sd.tolist()))
 
@@ -112,8 +113,19 @@ def _check(response: FloatArray) -> None:
         raise BadInput(f"two gray levels have the same response: {np.round(response, 3).tolist()} mV")
 
 
+def _falling(curve: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return curve and standard deviation (K,) of the process when it must fall: of curves drawn from it, made to."""
+    weights = 1.0 / np.diag(covariance)
+    values, vectors = np.linalg.eigh(covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    drawn = curve + np.random.default_rng(len(curve)).standard_normal((DRAWN, len(curve))) @ root.T
+    fallen = np.array([isotonic_regression(one, weights=weights, increasing=False).x for one in drawn])
+    middle = isotonic_regression(curve, weights=weights, increasing=False).x
+    return middle, np.sqrt(np.mean((fallen - middle) ** 2, axis=0))
+
+
 def _process(means: Means, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return mean and standard deviation (K,) of the process at some responses, over all priors."""
+    """Return mean (K,) and covariance (K, K) of the process at some responses, over all priors."""
     x, places = np.log(means.response / AT_MV), np.log(at / AT_MV)
     factor = np.linalg.cholesky(_covariance(x, x, SCALE, LENGTH, POWER) + np.diag(means.sd**2))
     both = np.column_stack([np.ones_like(x), means.error])
@@ -129,15 +141,16 @@ def _process(means: Means, at: FloatArray) -> tuple[FloatArray, FloatArray]:
     across = np.linalg.solve(factor[likely], _covariance(x, places, scale, length, power))
     mean = constant[likely, None] + np.einsum("pka,pk->pa", across, off[likely])
     rest = 1.0 - np.einsum("pka,pk->pa", across, ones[likely])  # what the unknown constant adds
-    own = (scale * np.exp(-power * places))[:, 0] ** 2
-    variance = np.maximum(own - (across**2).sum(axis=1), 0.0) + rest**2 / precision[likely, None]
+    own = _covariance(places, places, scale, length, power)
+    known = np.swapaxes(across, 1, 2) @ across
+    of_constant = rest[:, :, None] * rest[:, None, :] / precision[likely, None, None]
     middle = weight @ mean
-    spread = weight @ (variance + (mean - middle) ** 2)
-    return middle, np.sqrt(np.maximum(spread, (0.1 * means.sd.min()) ** 2))
+    apart = (mean - middle) * np.sqrt(weight)[:, None]
+    return middle, np.tensordot(weight, own - known + of_constant, 1) + apart.T @ apart
 
 
 def _covariance(a: FloatArray, b: FloatArray, scale: FloatArray, length: FloatArray, power: FloatArray) -> FloatArray:
     """Return the prior covariances (P, A, B) of the walk at ln(response / `AT_MV`) for P priors (P, 1, 1)."""
-    distance = np.sqrt(5.0) * np.abs(a[:, None] - b[None, :]) / length
+    d = 3.0 * np.abs(a[:, None] - b[None, :]) / length
     size = scale**2 * np.exp(-power * (a[:, None] + b[None, :]))
-    return np.asarray(size * (1 + distance + distance**2 / 3) * np.exp(-distance), dtype=np.float64)
+    return np.asarray(size * (1 + d + 3 * d**2 / 7 + 2 * d**3 / 21 + d**4 / 105) * np.exp(-d), dtype=np.float64)
