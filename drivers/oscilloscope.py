@@ -63,15 +63,24 @@ class Oscilloscope:
     gate : Sampler, optional
         Owner of the gate in the trigger line, normally the sampling bridge; without one the laser cannot be switched on
         through this device.
+    channel : int
+        Where the signal is plugged in.
     full_scale_v, offset_v : float
         Vertical range (8 divisions) and voltage at its centre.
     """
 
     def __init__(
-        self, tmc: Usbtmc, *, gate: Sampler | None = None, full_scale_v: float = 0.16, offset_v: float = 0.048
+        self,
+        tmc: Usbtmc,
+        *,
+        gate: Sampler | None = None,
+        channel: int = 1,
+        full_scale_v: float = 0.16,
+        offset_v: float = 0.048,
     ) -> None:
         self.tmc = tmc
         self.gate = gate
+        self._channel = f"CHANnel{channel}"
         self.full_scale_v = full_scale_v
         self.offset_v = offset_v
         self._device = tmc.link.device
@@ -98,7 +107,7 @@ class Oscilloscope:
             self._write(":SYSTem:HEADer OFF")
             fields = [*self._ask("*IDN?").split(","), "", "", ""]
             self._identity = Identity(" ".join(fields[:2]), fields[2], fields[3])
-            self._write(":WAVeform:SOURce CHANnel1;FORMat WORD;BYTeorder LSBFirst")
+            self._write(f":WAVeform:SOURce {self._channel};FORMat WORD;BYTeorder LSBFirst")
             self._check_errors()
         except DeviceError:
             self.tmc.close()
@@ -137,8 +146,8 @@ class Oscilloscope:
         for header, value in (
             (":TIMebase:RANGe", sweep.samples * sweep.step_ps * 1e-12),
             (":TIMebase:POSition", sweep.start_ps * 1e-12),
-            (":CHANnel1:SCALe", self.full_scale_v / 8),
-            (":CHANnel1:OFFSet", self.offset_v),
+            (f":{self._channel}:SCALe", self.full_scale_v / 8),
+            (f":{self._channel}:OFFSet", self.offset_v),
             (":ACQuire:POINts", sweep.samples),
             (":ACQuire:COUNt", sweep.averages),
         ):
@@ -222,7 +231,7 @@ class Oscilloscope:
     def _record(self, sweep: SweepSettings, run_id: int, number: int) -> Record:
         record_s = sweep.averages * sweep.samples / min(sweep.prf_hz, RATE_MAX_HZ)
         begin = self.tmc.link.clock.now()
-        self._write(":DIGitize CHANnel1;*OPC?")
+        self._write(f":DIGitize {self._channel};*OPC?")
         try:
             self.tmc.read(timeout_s=3 * record_s + QUIET_S)
         except Timeout as late:

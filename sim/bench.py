@@ -17,6 +17,7 @@ from sim.firmware.helios import HeliosFirmware
 from sim.firmware.mecom import TecFirmware
 from sim.firmware.oscilloscope import OscilloscopeFirmware
 from sim.firmware.sampling_bridge import SamplingBridgeFirmware
+from sim.laser_monitor import LaserMonitor
 from sim.noise import Noise
 from sim.operator import clicks, scale_reading
 from sim.optics import Optics
@@ -56,6 +57,8 @@ class SimulatedBench:
         What stands before the scanner, and the same without tissue and instruments: the preoperative model.
     usb_backend : SimUsbBackend
         pyusb backend that finds the USB devices.
+    monitor : LaserMonitor
+        Fast photodetector at channel 2 of the oscilloscope, and a power meter, at the exit.
     truth : BenchTruth
         What the code under test must not know.
     serial_taps, usb_taps, signal, servo, heat_pump
@@ -96,16 +99,17 @@ class SimulatedBench:
         self.heat_pump = HeatPumpTap(self.block)
         self.tec = TecFirmware(self.clock, self.heat_pump)
         self._tune(self.tec)
-        self.optics = Optics(
-            self.clock, checked, self.noise, self.trigger, self.genesys, self.block, self.mirrors, self.scene
-        )
+        self.optics = Optics(checked, self.noise, self.trigger, self.genesys, self.block, self.mirrors, self.scene)
         self.signal = SignalTap(self.optics)
         self.servo = MirrorsTap(self.mirrors, self.clock, self.interlock)
         self.helios = HeliosFirmware(self.clock, self.servo)
         self.bridge = SamplingBridgeFirmware(self.clock, self.trigger, self.interlock, self.signal)
         self.helios.on_marker.append(self.bridge.advance)  # the blue line is wired to the advance input
+        self.monitor = LaserMonitor(
+            checked, self.noise, self.trigger, self.genesys, self.block, lambda: self.bridge.gate_open
+        )
         self.oscilloscope = OscilloscopeFirmware(
-            self.clock, self.trigger, self.signal, gate_open=lambda: self.bridge.gate_open
+            self.clock, self.trigger, self.signal, detector=self.monitor, gate_open=lambda: self.bridge.gate_open
         )
         self.truth = BenchTruth(self.optics)
 

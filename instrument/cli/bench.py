@@ -105,18 +105,20 @@ def _measure(run: Session, folder: Path, name: str, date: datetime.datetime | No
         def show(share: float, note: str) -> None:
             bar.update(task, completed=100 * share, note=note)
 
-        outcome = PROCEDURES[name](_station(run, folder, show, date))
+        outcome = PROCEDURES[name](_station(run, name, folder, show, date))
         bar.update(task, completed=100, note="done")
         return outcome
 
 
-def _station(run: Session, folder: Path, progress: Progress, date: datetime.datetime | None) -> Station:
-    from instrument.cli.light_meters import SimulatedLightMeters
+def _station(run: Session, name: str, folder: Path, progress: Progress, date: datetime.datetime | None) -> Station:
+    from instrument.cli.light_meters import light_meters
+    from instrument.cli.person import Person
     from instrument.cli.stages import PersonStage, SimulatedStage
     from instrument.procedures.station import Station
 
-    stage = PersonStage() if run.simulated is None else SimulatedStage(run.simulated)
-    meters = None if run.simulated is None else SimulatedLightMeters(run.simulated)
+    person = Person(run.controller.rest)
+    stage = PersonStage(person) if run.simulated is None else SimulatedStage(run.simulated)
+    meters = light_meters(run, person) if name == "transmitter" else None
     return Station(
         run.controller,
         run.settings,
@@ -127,6 +129,7 @@ def _station(run: Session, folder: Path, progress: Progress, date: datetime.date
         progress,
         date,
         meters,
+        run.settings.seed if run.simulated is not None else None,
     )
 
 

@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
-from drivers.clock import Clock
 from drivers.interfaces import Record, SweepSettings
 from drivers.oscilloscope import Oscilloscope, oscilloscope_link
 from drivers.usbtmc import Usbtmc
-from instrument.cli.simulated import Simulated
+from instrument.cli.person import Person, Wait
+from instrument.cli.session import Session
+from instrument.devices import named_backend
+from instrument.errors import BadInput
+
+DETECTOR_CHANNEL = 2  # the receiver has the first
+FULL_SCALE_V, OFFSET_V = 0.24, 0.05
+LARGEST_MW = 1000.0  # of an answer that is no slip
+
+PowerReading = Callable[[str, Wait], float]
 
 
-class SimulatedLightMeters:
-    """The simulated oscilloscope with a fast detector at its input, through its own driver; and a power meter."""
+class DetectorAndPowerMeter:
+    """A fast photodetector at channel 2 of the oscilloscope, and whatever tells the mean power at the exit."""
 
-    def __init__(self, simulated: Simulated) -> None:
-        from sim.firmware.oscilloscope import OscilloscopeFirmware
-        from sim.laser_monitor import LaserMonitor
-        from sim.usb.backend import SimUsbBackend
-
-        bench = simulated.bench
-
-        def gate_open() -> bool:
-            return bench.bridge.gate_open
-
-        self._monitor = LaserMonitor(bench.settings, bench.noise, bench.trigger, bench.genesys, bench.block, gate_open)
-        firmware = OscilloscopeFirmware(bench.clock, bench.trigger, self._monitor, gate_open=gate_open)
-        self._scope = _scope(bench.clock, SimUsbBackend(bench.clock, [firmware]))
+    def __init__(self, scope: Oscilloscope, power: PowerReading) -> None:
+        self._scope = scope
+        self._power = power
 
     def open(self) -> None:
         """Open the oscilloscope."""
@@ -41,10 +39,37 @@ class SimulatedLightMeters:
         self._scope.configure(sweep)
         return self._scope.take(1)[0]
 
-    def mean_power_mw(self) -> float:
-        """Read the power meter."""
-        return self._monitor.mean_power_mw()
+    def mean_power_mw(self, where: str, wait: Wait) -> float:
+        """Read the power meter; ``where`` names the working point, ``wait`` lets time pass with the laser on."""
+        return self._power(where, wait)
 
 
-def _scope(clock: Clock, backend: Any) -> Oscilloscope:
-    return Oscilloscope(Usbtmc(oscilloscope_link(clock, backend=backend)), full_scale_v=0.24, offset_v=0.05)
+def light_meters(run: Session, person: Person) -> DetectorAndPowerMeter:
+    """Make the meters of a bench: the simulated one has a power meter of its own, else the person reads it.
+
+    Raises
+    ------
+    BadInput
+        When the oscilloscope is in use for something else.
+    """
+    links = run.settings.links
+    if run.simulated is not None:
+        backend, monitor = run.simulated.usb_backend, run.simulated.bench.monitor
+        return DetectorAndPowerMeter(_scope(run, backend), lambda _where, _wait: monitor.mean_power_mw())
+    if links.sampler == "oscilloscope":
+        raise BadInput(
+            "bench transmitter looks at the laser with the oscilloscope, which takes the echoes here: "
+            'set links.sampler = "bridge"'
+        )
+
+    def asked(where: str, wait: Wait) -> float:
+        question = f"The laser is on, {where}. Mean power at the exit as the power meter shows it, in mW (q: stop):"
+        return person.numbers(question, ((0.0, LARGEST_MW),), wait=wait)[0]
+
+    return DetectorAndPowerMeter(_scope(run, named_backend(links.usb_backend, links.usb_address)), asked)
+
+
+def _scope(run: Session, backend: object) -> Oscilloscope:
+    serial_number = run.settings.links.oscilloscope_serial or None
+    link = oscilloscope_link(run.controller.bench.clock, serial_number=serial_number, backend=backend)
+    return Oscilloscope(Usbtmc(link), channel=DETECTOR_CHANNEL, full_scale_v=FULL_SCALE_V, offset_v=OFFSET_V)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 
+from instrument.cli.person import Person
 from instrument.cli.simulated import Simulated
 from instrument.errors import BadInput
 from instrument.procedures.stage import Placing
 from instrument.settings import Settings, override
 
+READING_ROOM_MM = 100.0  # between the distance asked for and the one read: more is a slip of the pen
+SCALE_HALF_MM = 500.0
 _BODIES = {"card": "plate", "scale": "plate", "plate": "plate", "prism": "prism", "step": "step"}
 
 
@@ -42,6 +43,8 @@ def with_hidden_errors(settings: Settings) -> Settings:
 class SimulatedStage:
     """Moves the targets of the simulated bench."""
 
+    reads_at_once = True
+
     def __init__(self, simulated: Simulated) -> None:
         self._bench = simulated.bench
 
@@ -66,32 +69,22 @@ class SimulatedStage:
 class PersonStage:
     """Asks the person at the bench to put targets up and to read the scale; the laser is off meanwhile."""
 
+    reads_at_once = False
+
+    def __init__(self, person: Person) -> None:
+        self._person = person
+
     def __str__(self) -> str:
         return "targets placed by hand"
 
     def place(self, wanted: Placing) -> float:
         """Ask for a target, and for its distance as the rail's scale shows it."""
-        given = _ask(f"Put up: {wanted}. Its distance as read, in mm (Enter: {wanted.distance_mm:g}): ")
-        return wanted.distance_mm if not given else _number(given)
+        question = f"Put up: {wanted}. Its distance as read, in mm (Enter: {wanted.distance_mm:g}; q: stop):"
+        near = (wanted.distance_mm - READING_ROOM_MM, wanted.distance_mm + READING_ROOM_MM)
+        return self._person.numbers(question, (near,), (wanted.distance_mm,))[0]
 
     def read_scale(self) -> tuple[float, float]:
         """Ask where the spot stands."""
-        given = _ask("Where does the spot stand on the scale? x,y in mm: ").split(",")
-        if len(given) != 2:
-            raise BadInput("two numbers with a comma between are needed; run the procedure again")
-        return _number(given[0]), _number(given[1])
-
-
-def _ask(question: str) -> str:
-    if not sys.stdin.isatty():
-        raise BadInput("this procedure needs a person at the terminal to move the target; run it in a terminal")
-    sys.stderr.write(question)
-    sys.stderr.flush()
-    return sys.stdin.readline().strip()
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError as error:
-        raise BadInput(f"{text!r} is no number; run the procedure again") from error
+        allowed = ((-SCALE_HALF_MM, SCALE_HALF_MM), (-SCALE_HALF_MM, SCALE_HALF_MM))
+        x_mm, y_mm = self._person.numbers("Where does the spot stand on the scale? x,y in mm:", allowed)
+        return x_mm, y_mm

@@ -23,6 +23,7 @@ from instrument.events import logger
 from instrument.settings import Settings
 
 WARM_POLL_S = 1.0
+REST_POLL_S = 0.1
 NEAR_K = 0.2  # to the target: a controller that has just been given another one may still call itself stable
 
 _numbers = itertools.count(1)
@@ -165,6 +166,34 @@ class Controller:
             return run.run()
         finally:
             self.safe = run.outcome.safe
+
+    def rest(self, until: Callable[[], bool] = lambda: True) -> None:
+        """Let time pass without light until something holds; obeys at once who asks to stop.
+
+        Parameters
+        ----------
+        until : callable
+            Looked at ten times a second; by default this is one look at what was asked for.
+
+        Raises
+        ------
+        Interrupted
+            When a way to stop was asked for, after the safe way out; the state is what it was.
+        InterlockTripped
+            After an emergency off; the state is ``fault``.
+        """
+        while True:
+            try:
+                stop = self._requests.stop_asked()
+            except InterlockTripped:
+                self.emergency_off()
+                raise
+            if stop:
+                self.safe = make_safe(self.bench)
+                raise Interrupted(f"interrupted; {self.safe}")
+            if until():
+                return
+            self.bench.clock.wait(lambda: until() or self._requests.waiting(), REST_POLL_S)
 
     def acknowledge(self) -> str:
         """Take note of a fault: close all links, each device in its safe state, and return the cause."""

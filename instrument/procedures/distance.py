@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from instrument.calibration import Calibration, Method
 from instrument.procedures.findings import lost_readings, refused
 from instrument.procedures.outcome import Outcome, Plot, Readings
+from instrument.procedures.records import Records, traces_of
 from instrument.procedures.stage import Placing
-from instrument.procedures.station import Records, Station, traces_of
+from instrument.procedures.station import Station
 from instrument.ranging import estimate
 from instrument.scan_line import Flag
 

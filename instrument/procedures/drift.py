@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from instrument.procedures.findings import lost_readings, refused
 from instrument.procedures.outcome import Outcome, Plot, Readings
+from instrument.procedures.records import traces_of
 from instrument.procedures.stage import Placing
-from instrument.procedures.station import Station, traces_of
+from instrument.procedures.station import Station
 from instrument.ranging import estimate
 from instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS
 

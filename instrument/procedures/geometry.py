@@ -17,8 +17,9 @@ from instrument.procedures.outcome import Outcome
 from instrument.procedures.plane_fit import fit_planes
 from instrument.procedures.plane_poses import DEFAULT_POSES, HELD_BACK, Pose, next_pose
 from instrument.procedures.planes import PlaneScan, fitted_plane, points, values_of
+from instrument.procedures.records import cloud_of
 from instrument.procedures.stage import Placing
-from instrument.procedures.station import Station, cloud_of
+from instrument.procedures.station import Station
 
 NAME = "geometry"
 FIELD_SHARE = 0.87  # of the scanner's field that a scan covers, with room for offsets of the mirrors

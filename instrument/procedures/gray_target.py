@@ -16,8 +16,9 @@ from instrument.procedures.findings import lost_readings, refused
 from instrument.procedures.gray_level import FloatArray, Level
 from instrument.procedures.gray_report import judged
 from instrument.procedures.outcome import Outcome
+from instrument.procedures.records import traces_of
 from instrument.procedures.stage import Placing
-from instrument.procedures.station import Station, traces_of
+from instrument.procedures.station import Station
 from instrument.ranging import estimate
 from instrument.ranging.learning import learn
 from instrument.ranging.walk import fit_walk

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -10,11 +10,14 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.clock import Clock
 from drivers.interfaces import Galvo, Record, Sampler, SweepSettings
 from instrument.controller import Between
 from instrument.scan_line import ScanLine
 
 FloatArray = NDArray[np.float64]
+Wait = Callable[[Callable[[], bool]], None]
+WATCH_LOOK_S = 0.5  # from one look at the interlocks to the next while a meter is read with the laser on
 SWEEP = SweepSettings(start_ps=3000.0, step_ps=2.5, samples=1400, averages=64, settle_shots=0, prf_hz=20_000.0)
 
 
@@ -30,8 +33,8 @@ class LightMeters(Protocol):
     def trace(self, sweep: SweepSettings) -> Record:
         """Take one averaged trace of the laser pulse."""
 
-    def mean_power_mw(self) -> float:
-        """Read the power meter."""
+    def mean_power_mw(self, where: str, wait: Wait) -> float:
+        """Read the power meter at the working point ``where``; ``wait`` lets time pass until a condition holds."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +49,11 @@ class Light:
 class LightJob:
     """One line without points: with the laser on, one trace and one reading of the power."""
 
-    def __init__(self, meters: LightMeters, sweep: SweepSettings) -> None:
+    def __init__(self, meters: LightMeters, sweep: SweepSettings, where: str, clock: Clock) -> None:
         self._meters = meters
         self._sweep = sweep
+        self._where = where
+        self._clock = clock
         self.light: Light | None = None
 
     @property
@@ -83,7 +88,13 @@ class LightJob:
         between()
         record = self._meters.trace(self._sweep)
         trace = (record.sums / record.sweeps - record.zero_code) * record.mv_per_code
-        self.light = Light(np.asarray(trace), np.asarray(record.times_ps), self._meters.mean_power_mw())
+
+        def wait(until: Callable[[], bool]) -> None:
+            while not self._clock.wait(until, WATCH_LOOK_S):
+                between()
+
+        power_mw = self._meters.mean_power_mw(self._where, wait)
+        self.light = Light(np.asarray(trace), np.asarray(record.times_ps), power_mw)
         nothing = np.empty(0)
         return ScanLine(
             index=row,

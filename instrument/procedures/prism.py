@@ -17,8 +17,9 @@ from instrument.procedures import prism_body as body
 from instrument.procedures.findings import lost_readings, refused
 from instrument.procedures.outcome import Outcome, Plot, Readings
 from instrument.procedures.prism_pictures import draw_distances, draw_map
+from instrument.procedures.records import cloud_of, ranged_again, traces_of
 from instrument.procedures.stage import Placing
-from instrument.procedures.station import Station, cloud_of, ranged_again, traces_of
+from instrument.procedures.station import Station
 from instrument.recording import Cloud
 
 if TYPE_CHECKING:

@@ -37,6 +37,10 @@ class Placing:
 class Stage(Protocol):
     """Puts targets where they are asked for, and tells where they really stand as far as its scale knows."""
 
+    @property
+    def reads_at_once(self) -> bool:
+        """Get whether `read_scale` tells the place at the instant of the call, as a camera does, not a person."""
+
     def place(self, wanted: Placing) -> float:
         """Put a target up and return its distance (mm) as the stage's own scale reads it.
 

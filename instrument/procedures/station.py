@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,103 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.clock import Clock
-from drivers.interfaces import Galvo, Identity, Sampler
+from drivers.interfaces import Identity
 from instrument.calibration import Calibration, Method
-from instrument.controller import Between, Controller
+from instrument.controller import Controller
 from instrument.errors import Interrupted
-from instrument.geometry import (
-    CENTRE_CODE,
-    angles_and_range,
-    angles_to_codes,
-    asked_angles,
-    codes_to_angles,
-    points_from,
-    true_angles,
-)
+from instrument.geometry import CENTRE_CODE, angles_and_range, angles_to_codes, asked_angles
 from instrument.procedures.light import LightMeters
+from instrument.procedures.places import PlacesScan, WatchScan
 from instrument.procedures.stage import Stage
-from instrument.ranging import estimate
-from instrument.raster import LinePlan
-from instrument.recording import Cloud, Recording
+from instrument.recording import Recording
 from instrument.scan import RasterScan
-from instrument.scan_line import ScanLine
 from instrument.settings import Settings, override
 
 Progress = Callable[[float, str], None]
 STARE_COLUMNS = 50
-WATCH_LOOK_S = 10.0  # from one look at the interlocks to the next while waiting with the laser on
-
-
-class PlacesScan(RasterScan):
-    """Any places instead of a raster: ``codes`` (rows, columns, 2) of the scanner; lines begin at their first place."""
-
-    def __init__(self, settings: Settings, calibration: Calibration, clock: Clock, codes: NDArray[np.int64]) -> None:
-        super().__init__(override(settings, {"scan": {"step_mm": 0.01}}), calibration, clock)
-        self._codes = codes
-        self.raster = self  # type: ignore[assignment]
-
-    def line(self, row: int) -> LinePlan:
-        """Return the plan of one line."""
-        codes = self._codes[row]
-        return LinePlan(
-            row=row,
-            columns=np.arange(len(codes), dtype=np.int32),
-            lead_in=codes[0],
-            codes=codes,
-            angles_rad=codes_to_angles(codes, self.settings.scanner.field_deg),
-        )
-
-
-class WatchScan(PlacesScan):
-    """Lines at intervals (s) with the laser on all the time; run ids go on as if records had been taken throughout."""
-
-    def __init__(
-        self,
-        settings: Settings,
-        calibration: Calibration,
-        clock: Clock,
-        codes: NDArray[np.int64],
-        interval_s: float,
-    ) -> None:
-        super().__init__(settings, calibration, clock, codes)
-        self._interval_s = interval_s
-        record_s = self.sweep.averages * (self.sweep.samples + self.sweep.settle_shots) / self.sweep.prf_hz
-        self._records_a_line = max(int(interval_s / record_s), int(codes.shape[1]))
-        self._next_s = clock.now()
-
-    def run_id(self, row: int, column: int) -> int:
-        """Get the run id of a place."""
-        return row * self._records_a_line + column + 1
-
-    def take_line(self, row: int, galvo: Galvo, sampler: Sampler, between: Between) -> ScanLine:
-        """Wait for the line's time, then take it; looks at the interlocks meanwhile."""
-        if row > 0:
-            while (left_s := self._next_s - self.clock.now()) > 0:
-                between()
-                self.clock.sleep(min(left_s, WATCH_LOOK_S))
-        else:
-            self._next_s = self.clock.now()
-        self._next_s += self._interval_s
-        return super().take_line(row, galvo, sampler, between)
-
-
-@dataclass(frozen=True)
-class Records:
-    """Raw traces of a recording.
-
-    Attributes
-    ----------
-    traces_mv : (N, S) float array
-    times_ps : (S,) float array
-    sweeps : int
-    began_s : (N,) float array
-        Time of the bench's clock at which the line of each record began.
-    """
-
-    traces_mv: NDArray[np.float64]
-    times_ps: NDArray[np.float64]
-    sweeps: int
-    began_s: NDArray[np.float64]
 
 
 class Station:
@@ -132,6 +48,8 @@ class Station:
         Date that a new calibration carries; now by default.
     meters : LightMeters, optional
         Oscilloscope and power meter at the laser, where there are some.
+    seed : int, optional
+        Of the simulated bench, for the recordings' headers.
     """
 
     def __init__(
@@ -145,6 +63,7 @@ class Station:
         progress: Progress,
         date: datetime.datetime | None = None,
         meters: LightMeters | None = None,
+        seed: int | None = None,
     ) -> None:
         self.controller = controller
         self.settings = settings
@@ -155,6 +74,7 @@ class Station:
         self.progress = progress
         self.date = datetime.datetime.now(datetime.UTC) if date is None else date
         self.meters = meters
+        self.seed = seed
         (folder / "raw").mkdir(exist_ok=True)
 
     @property
@@ -241,54 +161,12 @@ class Station:
 
     def _take(self, name: str, job: RasterScan) -> Path:
         sampler = self.controller.bench.sampler
-        header = job.header(self.identities, seed=None, zero_code=sampler.zero_code, mv_per_code=sampler.mv_per_code)
+        header = job.header(
+            self.identities, seed=self.seed, zero_code=sampler.zero_code, mv_per_code=sampler.mv_per_code
+        )
         path = self.folder / "raw" / f"{name}.db"
         with Recording.create(path, header) as recording:
             outcome = self.controller.scan(job, recording)
         if outcome.stop_reason != "complete":
-            raise Interrupted(f"{outcome.stop_reason}; {outcome.safe}; the readings so far are in {path.parent}")
+            raise Interrupted(f"{outcome.stop_reason}; {outcome.safe}")
         return path
-
-
-def cloud_of(path: Path, method: Method | None = None, calibration: Calibration | None = None) -> Cloud:
-    """Read all places of a recording.
-
-    Parameters
-    ----------
-    path : Path
-    method : str, optional
-        Range the raw traces again with this estimator; by default the ranges are those of the scan.
-    calibration : Calibration, optional
-        With this calibration; needed with ``method``.
-    """
-    with Recording.open(path) as recording:
-        cloud = recording.cloud()
-    return cloud if method is None else ranged_again(cloud, traces_of(path), method, calibration)
-
-
-def ranged_again(cloud: Cloud, records: Records, method: Method, calibration: Calibration | None) -> Cloud:
-    """Return a cloud with its ranges and points made anew from the raw traces."""
-    if calibration is None:
-        raise ValueError("ranging again needs a calibration")
-    found = estimate(records.traces_mv, records.times_ps, method=method, calibration=calibration, sweeps=records.sweeps)
-    angles = true_angles(cloud.angles_rad, calibration.scanner)
-    return replace(
-        cloud,
-        points_mm=points_from(angles, found.range_mm, calibration.mirror_separation_mm),
-        range_mm=found.range_mm,
-        range_variance_mm2=found.variance_mm2,
-        response_mv=found.response_mv,
-        flags=found.flags,
-    )
-
-
-def traces_of(path: Path) -> Records:
-    """Read the raw traces of a recording."""
-    with Recording.open(path) as recording:
-        lines = list(recording.lines())
-        return Records(
-            traces_mv=np.concatenate([recording.traces_mv(line) for line in lines]),
-            times_ps=recording.times_ps,
-            sweeps=lines[0].sweeps,
-            began_s=np.repeat([line.device_time_s for line in lines], [len(line.columns) for line in lines]),
-        )

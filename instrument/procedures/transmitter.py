@@ -99,7 +99,8 @@ def _light_at(station: Station, drive_v: float, degc: float, prf_hz: float) -> L
     controller = station.controller
     controller.work_at(override(station.settings, changes))
     controller.warm_up()
-    job = LightJob(meters, replace(SWEEP, prf_hz=prf_hz))
+    where = f"{drive_v:g} V, {degc:g} degC, {prf_hz / 1e3:g} kHz"
+    job = LightJob(meters, replace(SWEEP, prf_hz=prf_hz), where, station.clock)
     outcome = controller.scan(job, NoStore(station.folder))
     if outcome.stop_reason != "complete" or job.light is None:
         raise Interrupted(f"{outcome.stop_reason}; {outcome.safe}")

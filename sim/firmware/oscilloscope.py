@@ -7,7 +7,7 @@ every n-th pulse.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from drivers.clock import Clock, Timer
 from sim.firmware.scope_waveform import TakenWaveform, real
@@ -37,6 +37,8 @@ class OscilloscopeFirmware(UsbtmcFirmware):
         Its trigger input.
     source : SignalSource
         What is at its channel 1, in codes of ``mv_per_code`` with ``zero_code`` at 0 V.
+    detector : SignalSource, optional
+        What is at its channel 2, in the same codes; without one it has no channel 2.
     gate_open : callable
         Whether triggers reach the laser.
     serial_number : str
@@ -48,12 +50,14 @@ class OscilloscopeFirmware(UsbtmcFirmware):
         trigger: TriggerLine,
         source: SignalSource,
         *,
+        detector: SignalSource | None = None,
         gate_open: Callable[[], bool] = lambda: True,
         serial_number: str = "SO-0001",
         zero_code: float = 32.0,
         mv_per_code: float = 0.5,
     ) -> None:
-        instrument = Scope(clock, trigger, source, gate_open, serial_number, zero_code, mv_per_code)
+        sources = {"CHAN1": source} if detector is None else {"CHAN1": source, "CHAN2": detector}
+        instrument = Scope(clock, trigger, sources, gate_open, serial_number, zero_code, mv_per_code)
         super().__init__(instrument, tmc_descriptors(VENDOR_ID, PRODUCT_ID, ("picoradar", MODEL, serial_number)))
 
 
@@ -67,16 +71,16 @@ class Scope(ScpiParser):
         self,
         clock: Clock,
         trigger: TriggerLine,
-        source: SignalSource,
+        sources: Mapping[str, SignalSource],
         gate_open: Callable[[], bool],
         serial_number: str,
         zero_code: float,
         mv_per_code: float,
     ) -> None:
+        self._sources = dict(sources)
         super().__init__(self._commands())
         self._clock = clock
         self._trigger = trigger
-        self._source = source
         self._gate_open = gate_open
         self._serial_number = serial_number
         self._zero_code = zero_code
@@ -118,18 +122,21 @@ class Scope(ScpiParser):
             ":SYSTem:ERRor?": lambda _: self.pop_error(),
             ":TIMebase:SCALe": lambda a: self._set("range_s", 10 * number(a, 1e-14, 0.1)),
             ":TIMebase:SCALe?": lambda _: real(self._settings["range_s"] / 10),
-            ":CHANnel1:RANGe": lambda a: self._set("scale_v", number(a, 1e-3, 8.0) / 8),
-            ":CHANnel1:RANGe?": lambda _: real(self._settings["scale_v"] * 8),
             ":DIGitize": self._digitize_channel,
             ":WAVeform:POINts?": lambda _: str(len(self._having_data().codes)),
             ":WAVeform:PREamble?": lambda _: self._preamble(),
             ":WAVeform:DATA?": lambda _: self._having_data().data(self._words["format"], self._words["byteorder"]),
         }
+        vertical: list[tuple[str, str, float, float]] = []
+        for source in self._sources:
+            channel, name = f":CHANnel{source[-1]}", f"{source}_scale_v"
+            commands[f"{channel}:RANGe"] = lambda a, n=name: self._set(n, number(a, 1e-3, 8.0) / 8)  # type: ignore[misc]
+            commands[f"{channel}:RANGe?"] = lambda _, n=name: real(self._settings[n] * 8)  # type: ignore[misc]
+            vertical += [(f"{channel}:SCALe", name, 1e-4, 1.0), (f"{channel}:OFFSet", f"{source}_offset_v", -2.0, 2.0)]
         for header, name, least, most in (
+            *vertical,
             (":TIMebase:RANGe", "range_s", 1e-13, 1.0),
             (":TIMebase:POSition", "position_s", 0.0, 1.0),
-            (":CHANnel1:SCALe", "scale_v", 1e-4, 1.0),
-            (":CHANnel1:OFFSet", "offset_v", -2.0, 2.0),
             (":ACQuire:POINts", "points", 1, POINTS_MAX),
             (":ACQuire:COUNt", "count", 1, COUNT_MAX),
         ):
@@ -138,7 +145,7 @@ class Scope(ScpiParser):
         for header, name, forms in (
             (":TRIGger:SOURce", "trigger", {"EXTERNAL": "EXT"}),
             (":ACQuire:AVERage", "average", _ON_OFF),
-            (":WAVeform:SOURce", "source", {"CHANNEL1": "CHAN1"}),
+            (":WAVeform:SOURce", "source", {f"CHANNEL{source[-1]}": source for source in self._sources}),
             (":WAVeform:FORMat", "format", _FORMATS),
             (":WAVeform:BYTeorder", "byteorder", {"LSBFIRST": "LSBF", "MSBFIRST": "MSBF"}),
         ):
@@ -152,10 +159,10 @@ class Scope(ScpiParser):
         self._settings = {
             "range_s": 1e-8,
             "position_s": 2e-8,
-            "scale_v": 0.05,
-            "offset_v": 0.0,
             "points": 451,
             "count": 16,
+            **{f"{source}_scale_v": 0.05 for source in self._sources},
+            **{f"{source}_offset_v": 0.0 for source in self._sources},
         }
         self._words = {"trigger": "EXT", "average": "0", "source": "CHAN1", "format": "BYTE", "byteorder": "MSBF"}
         self._waveform = None
@@ -165,27 +172,30 @@ class Scope(ScpiParser):
         self._settings[name] = float(round(value)) if name in ("points", "count") else value
 
     def _digitize_channel(self, arguments: list[str]) -> None:
-        if only(arguments).upper() not in ("CHANNEL1", "CHAN1"):
+        wanted = only(arguments).upper().replace("CHANNEL", "CHAN")
+        if wanted not in self._sources:
             raise ScpiError(-224, f"Illegal parameter value; {arguments[0]}")
-        self._digitize()
+        self._digitize(wanted)
 
-    def _digitize(self) -> None:
-        """Take a waveform; the commands that follow wait for it."""
+    def _digitize(self, source: str = "CHAN1") -> None:
+        """Take a waveform of one channel; the commands that follow wait for it."""
         self.busy = True
         self._waveform = None
         if self._trigger.rate_hz <= 0:
-            self._timer = self._clock.call_at(self._clock.now() + TRIGGER_POLL_S, self._digitize)
+            self._timer = self._clock.call_at(self._clock.now() + TRIGGER_POLL_S, lambda: self._digitize(source))
             return
         rate_hz = self._trigger.rate_hz / math.ceil(self._trigger.rate_hz / RATE_MAX_HZ)
         sweeps = int(self._settings["count"]) if self._words["average"] == "1" else 1
         begin = self._clock.now()
         shots = sweeps * int(self._settings["points"])
-        self._timer = self._clock.call_at(begin + shots / rate_hz, lambda: self._digitized(begin, rate_hz, sweeps))
+        self._timer = self._clock.call_at(
+            begin + shots / rate_hz, lambda: self._digitized(source, begin, rate_hz, sweeps)
+        )
 
-    def _digitized(self, begin: float, rate_hz: float, sweeps: int) -> None:
+    def _digitized(self, source: str, begin: float, rate_hz: float, sweeps: int) -> None:
         points = int(self._settings["points"])
         increment_s = self._settings["range_s"] / points
-        sums = self._source.acquire(
+        sums = self._sources[source].acquire(
             Acquisition(
                 key=(0, self._taken, 0, 0),  # run 0: the bridge has none of that number
                 start_s=begin,
@@ -205,7 +215,7 @@ class Scope(ScpiParser):
             (sums >= 255 * sweeps, sums == 0),
             sweeps,
             (increment_s, self._settings["position_s"]),
-            (4 * self._settings["scale_v"], self._settings["offset_v"]),
+            (4 * self._settings[f"{source}_scale_v"], self._settings[f"{source}_offset_v"]),
             MODEL,
         )
         self.busy = False

@@ -24,8 +24,9 @@ from instrument.procedures import distance, drift, geometry, gray_target, prism,
 from instrument.procedures.folder import write_outcome
 from instrument.procedures.outcome import Outcome
 from instrument.procedures.plane_poses import Pose
+from instrument.procedures.records import cloud_of
 from instrument.procedures.stage import Placing
-from instrument.procedures.station import Station, cloud_of
+from instrument.procedures.station import Station
 from instrument.settings import Settings, override
 from sim.wires import Acquisition
 
