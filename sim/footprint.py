@@ -33,7 +33,7 @@ def bundle(origin: FloatArray, direction: FloatArray, diameter_mm: float) -> Flo
     """
     if diameter_mm == 0:
         return origin[None]
-    x, y, z = direction
+    x, y, z = direction.tolist()
     # Two vectors across the beam (Duff et al., JCGT 6 (2017) 1), for z > -1.
     a = -1.0 / (1.0 + z)
     b = x * y * a

@@ -19,8 +19,7 @@ CARRIER_EXPONENT = 0.3  # shape of the collected current, (1 - t/T)^0.3
 POLES = 4
 RISE_PER_POLE = 4.936  # 10-90 % rise of a step through POLES equal poles, in their time constant
 SIGMA_PER_FWHM = 1.0 / math.sqrt(8 * math.log(2))
-GRID_PS = 1.0
-TABLE_PS = 0.25  # nearest entry is good to 1e-3 of a pulse, well below a code
+TABLE_PS = 1.0  # straight lines between entries are good to 1e-4 of a pulse, well below a code
 SPAN_PS = 8192
 SUPPORT_LEVEL = 2e-4
 LEVELS = 33
@@ -114,13 +113,13 @@ class Receiver:
         list of Pulse
             One for each group of parts that arrive close together, in order of time.
         """
-        lit = charges_fc > 0
-        arrivals, charges = arrivals_ps[lit], charges_fc[lit]
+        order = arrivals_ps.argsort()
+        arrivals, charges = arrivals_ps[order], charges_fc[order]
+        if not charges.all():
+            arrivals, charges = arrivals[charges > 0], charges[charges > 0]
         if len(arrivals) == 0:
             return []
-        order = arrivals.argsort()
-        arrivals, charges = arrivals[order], charges[order]
-        cuts = np.nonzero(arrivals[1:] - arrivals[:-1] > APART_PS)[0] + 1
+        cuts = (arrivals[1:] - arrivals[:-1] > APART_PS).nonzero()[0] + 1
         bounds = [0, *cuts.tolist(), len(arrivals)]
         return [self._group(arrivals[i:j], charges[i:j], laser_fwhm_ps) for i, j in itertools.pairwise(bounds)]
 
@@ -135,10 +134,12 @@ class Receiver:
         if arrivals_ps[-1] - arrivals_ps[0] < TOGETHER_PS:
             return Pulse(shape, float(arrivals_ps @ charges_fc) / charge_fc + start_ps, response_mv)
         first_ps = float(arrivals_ps[0])
-        places = np.rint((arrivals_ps - first_ps) / TABLE_PS).astype(np.int64)
-        together = np.zeros(len(shape) + int(places[-1]), dtype=np.float32)
-        for place, share in zip(places, charges_fc / charge_fc, strict=True):
-            together[place : place + len(shape)] += np.float32(share) * shape
+        places = (arrivals_ps - first_ps) / TABLE_PS
+        together = np.zeros(len(shape) + int(places[-1]) + 1, dtype=np.float32)
+        for place, share in zip(places.tolist(), (charges_fc / charge_fc).tolist(), strict=True):
+            entry, between = int(place), place % 1.0
+            together[entry : entry + len(shape)] += np.float32(share * (1 - between)) * shape
+            together[entry + 1 : entry + 1 + len(shape)] += np.float32(share * between) * shape
         return Pulse(together, first_ps + start_ps, float(together.max()))
 
     def _response(self, charge_fc: float, laser_fwhm_ps: float) -> tuple[float, NDArray[np.float32], float]:
@@ -160,11 +161,11 @@ class Receiver:
     def _make_table(self, laser_fwhm_ps: float) -> PulseTable:
         s = self._s
         lead_ps = math.ceil(1.5 * laser_fwhm_ps)
-        t = np.arange(SPAN_PS, dtype=np.float64) * GRID_PS
+        t = np.arange(SPAN_PS, dtype=np.float64) * TABLE_PS
         light = np.exp(-4 * math.log(2) * ((t - lead_ps) / laser_fwhm_ps) ** 2)
         carriers = np.maximum(1.0 - t / s.carrier_transit_ps, 0.0) ** CARRIER_EXPONENT
         spectrum = np.fft.rfft(light) * np.fft.rfft(carriers)
-        omega = 2 * np.pi * np.fft.rfftfreq(SPAN_PS, GRID_PS)
+        omega = 2 * np.pi * np.fft.rfftfreq(SPAN_PS, TABLE_PS)
         spectrum *= (1 + 1j * omega * s.bridge_rise_ps / RISE_PER_POLE) ** -POLES
         spectrum *= 1 - s.mismatch_reflection * np.exp(-1j * omega * s.mismatch_delay_ps)
         spectrum *= np.exp(-0.5 * (omega * s.aperture_ps * SIGMA_PER_FWHM) ** 2)
@@ -173,7 +174,6 @@ class Receiver:
         pulses = np.fft.irfft(spectrum * (1 + 1j * omega * own_ps) ** -POLES, SPAN_PS, axis=1)
         pulses /= pulses.max(axis=1, keepdims=True)
         last = int(np.nonzero(np.abs(pulses).max(axis=0) > SUPPORT_LEVEL)[0][-1]) + 2
-        fine = np.arange(0.0, last * GRID_PS, TABLE_PS)
-        shapes = np.array([np.interp(fine, t, pulse) for pulse in pulses], dtype=np.float32)
+        shapes = pulses[:, :last].astype(np.float32)
         shapes[:, [0, -1]] = 0.0
-        return PulseTable(shapes, pulses.sum(axis=1) * GRID_PS, -float(lead_ps))
+        return PulseTable(shapes, pulses.sum(axis=1) * TABLE_PS, -float(lead_ps))

@@ -11,11 +11,10 @@ from sim.receiver import TABLE_PS, Pulse
 from sim.settings import SimulationSettings
 
 MAX_CODE = 255
-SLOPE_ENTRIES = 4
 
 
 def add_pulse(
-    signal_mv: NDArray[np.float64], slope: NDArray[np.float64], first_ps: float, step_ps: float, pulse: Pulse
+    signal_mv: NDArray[np.float32], slope: NDArray[np.float32], first_ps: float, step_ps: float, pulse: Pulse
 ) -> None:
     """Add a pulse to what the strobe finds at each of its instants.
 
@@ -33,12 +32,16 @@ def add_pulse(
     if first >= last:
         return
     places = np.arange(first, last) * (step_ps / TABLE_PS) + (first_ps - pulse.begin_ps) / TABLE_PS
-    entries = np.rint(places, out=places).astype(np.intp)
-    signal_mv[first:last] += pulse.shape.take(entries, mode="clip")
-    rise = pulse.shape.take(entries + SLOPE_ENTRIES, mode="clip")
-    rise -= pulse.shape.take(entries - SLOPE_ENTRIES, mode="clip")
-    rise *= np.float32(1 / (2 * SLOPE_ENTRIES * TABLE_PS))
-    slope[first:last] += rise
+    entries = places.astype(np.intp)
+    places -= entries
+    before = pulse.shape.take(entries, mode="clip")
+    entries += 1
+    rise = pulse.shape.take(entries, mode="clip")
+    rise -= before
+    slope[first:last] += rise * np.float32(1 / TABLE_PS)
+    rise *= places.astype(np.float32)
+    before += rise
+    signal_mv[first:last] += before
 
 
 def digitise(signal_mv: NDArray[np.float32], settings: SimulationSettings) -> tuple[NDArray[np.uint32], bool]:

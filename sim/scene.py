@@ -112,11 +112,11 @@ class Scene:
         surface = self._faces[face]  # for a miss the last face, of no consequence
         normal = surface[:, :3]
         slope = normal @ directions if directions.ndim == 1 else (normal * directions).sum(axis=1)
-        height = surface[:, 3] - (normal * origins).sum(axis=1)
+        height = surface[:, 3] - np.einsum("ij,ij->i", normal, origins)
         distance = np.divide(height, slope, out=np.full(len(face), np.inf), where=slope != 0)
         cosine = np.abs(slope)
         brightness = backscatter(cosine, surface[:, 4:])
-        if face.min() == MISS or distance.min() <= 0 or distance.max() == np.inf:
-            missed = (face == MISS) | (distance <= 0) | (distance == np.inf)
+        missed = (face == MISS) | (distance <= 0) | (distance == np.inf)
+        if missed.any():
             distance[missed], cosine[missed], brightness[missed], face[missed] = np.inf, 0.0, 0.0, MISS
         return Hits(distance, face.astype(np.int64), cosine, brightness)

@@ -151,7 +151,7 @@ def test_the_raster_covers_the_socket(seed):
     radius = np.linalg.norm(points - centre, axis=1)
     assert np.mean(np.abs(radius - 25.5) < 4.5) > 0.85  # wall or fossa
     axis = scene.scanner_from_model[:3, :3] @ SOCKET_AXIS
-    assert np.degrees(np.arccos(-axis[2])) < 15.1
+    assert -axis[2] > np.cos(np.radians(15.1))  # compared as cosines: rounding takes an exact one beyond 1
 
 
 def test_landmarks_lie_on_the_bone_far_apart_and_in_sight():
