@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.clock import Clock
 from sim.drift import SlowDrift
 from sim.footprint import bundle
 from sim.noise import Noise
@@ -24,6 +23,8 @@ from sim.wires import Acquisition, Supply, TriggerLine
 
 LIGHT_MM_PER_PS = 0.299792458 / 1.00027  # in air; group index at 904 nm, 20 degC, 1013 hPa
 TEMPERATURE_GRID_DEGC = 0.01
+REMEMBERED_RECORDS = 4096
+AGAIN_WITHIN_S = 60.0  # a record that is taken again later than this finds the bench as it is then
 
 
 class Truth(NamedTuple):
@@ -58,13 +59,20 @@ class _View(NamedTuple):
     angles_rad: NDArray[np.float64]
 
 
+class _Conditions(NamedTuple):
+    """What a measurement found besides its noise: when, where the mirrors had been sent, diode and view."""
+
+    start_s: float
+    commanded: tuple[float, float]
+    diode_degc: float
+    view: _View
+
+
 class Optics:
     """Everything between the trigger and the A/D codes; implements `sim.wires.SignalSource`.
 
     Parameters
     ----------
-    clock : Clock
-        Time of the bench.
     settings : SimulationSettings
         All physical parameters.
     noise : Noise
@@ -88,7 +96,6 @@ class Optics:
 
     def __init__(
         self,
-        clock: Clock,
         settings: SimulationSettings,
         noise: Noise,
         trigger: TriggerLine,
@@ -97,7 +104,6 @@ class Optics:
         mirrors: MirrorPair,
         scene: Scene,
     ) -> None:
-        self._clock = clock
         self._settings = settings
         self._noise = noise
         self._trigger = trigger
@@ -111,6 +117,7 @@ class Optics:
         self._nominal_pj = self._transmitter.pulse(OPERATING_V, OPERATING_DEGC).energy_pj
         self._reference = lru_cache(maxsize=16)(self._make_reference)
         self._clipped = False
+        self._found: dict[tuple[int, ...], _Conditions] = {}
         self.truth: dict[tuple[int, int, int], Truth] = {}
         block.heated_by(self._block_heat_w)
 
@@ -127,6 +134,7 @@ class Optics:
     def look_at(self, scene: Scene) -> None:
         """Put another target before the scanner."""
         self._scene = scene
+        self._found.clear()
 
     def acquire(self, wanted: Acquisition) -> NDArray[np.uint32]:
         """Take one window; see `sim.wires.SignalSource.acquire`.
@@ -135,7 +143,8 @@ class Optics:
         independent from sample to sample: their variances add, and one Gaussian number stands for all of them.
 
         All numbers come from streams keyed by ``wanted.key``, and the diode's temperature is taken on a grid of
-        10 mK, so the same measurement under the same conditions gives the same codes whenever it is made.
+        10 mK, so the same measurement under the same conditions gives the same codes whenever it is made. One that is
+        taken again because it got lost on its way is that same measurement, conditions included.
         """
         noise = self._noise.stream("receiver", *wanted.key).standard_normal(
             (wanted.sweeps, wanted.samples), dtype=np.float32
@@ -150,10 +159,9 @@ class Optics:
     def _with_light(self, wanted: Acquisition, noise: NDArray[np.float32]) -> NDArray[np.float32]:
         """Turn standard noise (sweeps, samples) into the signal of every shot, in mV; uses ``noise`` up."""
         s = self._settings
-        diode_degc = round(self._block.temperature_degc() / TEMPERATURE_GRID_DEGC) * TEMPERATURE_GRID_DEGC
+        diode_degc, view = self._conditions(wanted)
         drive_v = self._supply.output_v()
         laser = self._transmitter.pulse(drive_v, diode_degc, self._trigger.rate_hz)
-        view = self._look(wanted)
 
         mean_mv, sigma_mv, response_mv = self._sample(wanted, view, laser)
         self.truth[wanted.key[:3]] = Truth(view.range_mm, response_mv, view.angles_rad, view.point_mm)
@@ -170,6 +178,18 @@ class Optics:
         np.copyto(signal_mv, np.float32(self._receiver.dark_noise_mv) * noise, where=lost)
         return signal_mv
 
+    def _conditions(self, wanted: Acquisition) -> tuple[float, _View]:
+        """Temperature of the diode and view of the spot: those of the first attempt, if the mirrors stand the same."""
+        commanded = self._mirrors.commanded
+        found = self._found.get(wanted.key)
+        if found is None or found.commanded != commanded or not 0 <= wanted.start_s - found.start_s < AGAIN_WITHIN_S:
+            diode_degc = round(self._block.temperature_degc() / TEMPERATURE_GRID_DEGC) * TEMPERATURE_GRID_DEGC
+            found = _Conditions(wanted.start_s, commanded, diode_degc, self._look(wanted))
+            self._found[wanted.key] = found
+            if len(self._found) > REMEMBERED_RECORDS:
+                del self._found[next(iter(self._found))]
+        return found.diode_degc, found.view
+
     def _sample(
         self, wanted: Acquisition, view: _View, laser: LaserPulse
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
@@ -184,14 +204,19 @@ class Optics:
             receiver.charge_fc(laser.energy_pj * view.returned),
             laser.fwhm_ps,
         )
-        mean_mv, slope = np.zeros((2, wanted.samples))
+        mean_mv, slope = np.zeros((2, wanted.samples), dtype=np.float32)
         for pulse in self._reference(laser) + echoes:
             add_pulse(mean_mv, slope, first_ps, wanted.step_ps, pulse)
-        light_mv = np.maximum(mean_mv, 0.0)
-        variance_mv2 = receiver.dark_noise_mv**2 + receiver.shot_noise_mv * light_mv
-        variance_mv2 += (laser.energy_noise * light_mv) ** 2 + (s.trigger_jitter_ps * slope) ** 2
+        light_mv = np.maximum(mean_mv, np.float32(0.0))
+        slope *= s.trigger_jitter_ps
+        slope *= slope
+        variance_mv2 = light_mv * np.float32(laser.energy_noise**2)
+        variance_mv2 += np.float32(receiver.shot_noise_mv)
+        variance_mv2 *= light_mv
+        variance_mv2 += slope
+        variance_mv2 += np.float32(receiver.dark_noise_mv**2)
         response_mv = max((echo.response_mv for echo in echoes), default=0.0)
-        return mean_mv.astype(np.float32), np.sqrt(variance_mv2).astype(np.float32), response_mv
+        return mean_mv, np.sqrt(variance_mv2, out=variance_mv2), response_mv
 
     def _make_reference(self, laser: LaserPulse) -> list[Pulse]:
         arrival_ps = laser.delay_ps + self._settings.reference_path_mm / LIGHT_MM_PER_PS

@@ -73,6 +73,12 @@ class MirrorPair:
         rest = _Axis(0.0, 0.0, 0.0, 0.0)
         self._history = deque([_Motion(-math.inf, (rest, rest))], maxlen=REMEMBERED_COMMANDS)
 
+    @property
+    def commanded(self) -> tuple[float, float]:
+        """Get the last command (x, y), in -1..1 of the analogue span."""
+        x, y = self._history[-1].axes
+        return x.target, y.target
+
     def command(self, x: float, y: float) -> None:
         """Take a new command now; ``x`` and ``y`` in -1..+1 of the analogue span.
 
@@ -83,9 +89,9 @@ class MirrorPair:
         """
         if not (-1.0 <= x <= 1.0 and -1.0 <= y <= 1.0):
             raise ValueError(f"scanner command ({x}, {y}) outside -1..+1 of the analogue span")
-        last = self._history[-1]
-        if (x, y) == (last.axes[0].target, last.axes[1].target):
+        if (x, y) == self.commanded:
             return
+        last = self._history[-1]
         now_s = self._clock.now()
         share = self._settings.creep_share
         axes = []

@@ -59,7 +59,7 @@ class Bench:
         self.scene = build_scene(self.settings, noise)
         block = DiodeBlock(self.clock, self.settings)
         trigger = TriggerLine(PRF_HZ)
-        self.optics = Optics(self.clock, self.settings, noise, trigger, self.supply, block, self.mirrors, self.scene)
+        self.optics = Optics(self.settings, noise, trigger, self.supply, block, self.mirrors, self.scene)
         self._number = 0
 
     def aim(self, x_rad: float, y_rad: float) -> None:

@@ -83,7 +83,9 @@ def make_radar(tmp_path: Path) -> Iterator[Callable[..., Radar]]:
 
     def make(changes: dict[str, Any] | None = None) -> Radar:
         settings = override(override(Settings(), SMALL), changes or {})
-        made.append(Radar(settings, tmp_path))
+        folder = tmp_path / f"radar{len(made)}" if made else tmp_path
+        folder.mkdir(exist_ok=True)
+        made.append(Radar(settings, folder))
         return made[-1]
 
     yield make

@@ -81,7 +81,7 @@ def make_bench() -> Callable[..., Bench]:
         trigger, supply = TriggerLine(80e3), FixedSupply()
         block, mirrors = DiodeBlock(clock, settings), MirrorPair(clock, settings, noise)
         scene = build_scene(settings, noise)
-        optics = Optics(clock, settings, noise, trigger, supply, block, mirrors, scene)
+        optics = Optics(settings, noise, trigger, supply, block, mirrors, scene)
         return Bench(clock, settings, trigger, supply, block, mirrors, scene, optics)
 
     return make
