@@ -12,7 +12,7 @@ from sim.faults.kind import End, Kind, Site
 from sim.wires import Acquisition
 
 Sums = NDArray[np.uint32]
-REFERENCE_ENDS_PS = 9000.0  # the reference crosses at about 7.3 ns, an echo at 620 mm not before 10.5 ns
+REFERENCE_ENDS_PS = 8300.0  # the reference crosses at about 7.3 ns, an echo at 620 mm at about 8.6 ns: it begins here
 FULL_CODE = 255
 
 
