@@ -51,7 +51,7 @@ def register_robust(
     final = exact_finish(scan, model.surface, best, NoiseModel(sigma), around, allowed, noise_known=known)
     return Solution(
         model_from_scanner=final.model_from_scanner,
-        closest=final.closest,
+        closest=final.met,
         inliers=final.inliers,
         history=final.history,
         rivals=[

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -42,6 +43,11 @@ class Scan:
 
     def __len__(self) -> int:
         return len(self.points)
+
+    @cached_property
+    def ranges(self) -> FloatArray:
+        """Distances (N,) mm from the origin."""
+        return np.asarray(np.linalg.norm(self.points - self.origin, axis=1), dtype=np.float64)
 
 
 def checked_scan(

@@ -96,12 +96,25 @@ class Surface:
         normals[off] = offset[off] / signed[off, None]
         return Closest(points=foot, normals=normals, signed_mm=signed, faces=faces)
 
-    def first_hit(self, origins: FloatArray, directions: FloatArray) -> FloatArray:
-        """Distances (N,) mm along unit `directions` from `origins`, both (N, 3); infinite where nothing is met."""
+    def cast(self, origins: FloatArray, directions: FloatArray) -> tuple[IntArray, FloatArray]:
+        """First hits along unit `directions` from `origins`, both (N, 3).
+
+        Returns
+        -------
+        faces : (N,) array of int64
+            -1 where nothing is met.
+        distances : (N,) array
+            mm; infinite where nothing is met.
+        """
         face, distance, _ = self.tree.intersect_ray_first(
             self.vertices, self.faces, np.ascontiguousarray(origins), np.ascontiguousarray(directions)
         )
-        return np.where(face >= 0, distance, np.inf)
+        faces = np.asarray(face, dtype=np.int64)
+        return faces, np.where(faces >= 0, distance, np.inf)
+
+    def first_hit(self, origins: FloatArray, directions: FloatArray) -> FloatArray:
+        """Distances (N,) mm along unit `directions` from `origins`, both (N, 3); infinite where nothing is met."""
+        return self.cast(origins, directions)[1]
 
     @cached_property
     def corner_angles(self) -> FloatArray:

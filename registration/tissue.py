@@ -66,7 +66,7 @@ def raster_noise(scan: Scan, around: IntArray) -> float:
 
     The lower quartile of the departures counts, since tissue edges and rims depart for other reasons.
     """
-    ranges = np.linalg.norm(scan.points - scan.origin, axis=1)
+    ranges = scan.ranges
     count = (around < len(scan)).sum(axis=1)
     full = count >= 6
     if full.sum() < 20:
