@@ -27,7 +27,7 @@ from registration.field import DistanceField
 from registration.mesh import MeshReport
 from registration.views import View
 
-VERSION = 2
+VERSION = 3
 """Raised whenever preparation or the file's layout changes."""
 
 Prepared = tuple[FloatArray, IntArray, MeshReport, tuple[View, ...]]
@@ -69,16 +69,38 @@ def load(key: str) -> Prepared | None:
         return None  # a damaged or foreign file: the caller prepares anew and replaces it
 
 
+def load_view(key: str) -> View | None:
+    """Read a single view; None when it is not there or cannot be read."""
+    try:
+        with _path(key).open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            return _view(stored, 0)
+    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
+        return None
+
+
 def store(key: str, prepared: Prepared) -> None:
     """Write a prepared model; a folder that cannot be written to costs a warning and no more."""
     vertices, faces, report, views = prepared
     header = json.dumps({"report": asdict(report), "views": len(views)})
-    arrays: dict[str, npt.NDArray[Any]] = {"header": np.array(header), "vertices": vertices, "faces": faces}
+    _write(key, {"header": np.array(header), "vertices": vertices, "faces": faces, **_arrays(views)})
+
+
+def store_view(key: str, view: View) -> None:
+    """Write a single view, as :func:`store` does a model."""
+    _write(key, _arrays((view,)))
+
+
+def _arrays(views: tuple[View, ...]) -> dict[str, npt.NDArray[Any]]:
+    arrays: dict[str, npt.NDArray[Any]] = {}
     for index, view in enumerate(views):
         arrays[f"place{index}"] = np.concatenate([view.centre, [view.radius_mm], view.axis, [view.whole]])
         for name, field in (("fine", view.fine), ("coarse", view.coarse)):
             arrays[f"{name}{index}"] = field.nodes
             arrays[f"{name}_grid{index}"] = np.concatenate([field.low, [field.step_mm], field.shape])
+    return arrays
+
+
+def _write(key: str, arrays: dict[str, npt.NDArray[Any]]) -> None:
     path = _path(key)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -86,7 +108,7 @@ def store(key: str, prepared: Prepared) -> None:
             np.savez(part, allow_pickle=False, **arrays)
         os.replace(part.name, path)
     except OSError as error:
-        warnings.warn(f"the prepared model could not be kept in {path.parent} ({error})", RuntimeWarning, stacklevel=3)
+        warnings.warn(f"the prepared model could not be kept in {path.parent} ({error})", RuntimeWarning, stacklevel=4)
 
 
 def _path(key: str) -> Path:

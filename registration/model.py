@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,7 @@ from registration import cache
 from registration._types import FloatArray, IntArray
 from registration.mesh import MeshReport, validated
 from registration.surface import Closest, Surface
-from registration.views import View, make_views
+from registration.views import Place, View, make_views, start_view
 
 
 @dataclass(frozen=True)
@@ -28,12 +28,18 @@ class Model:
         Hollow regions that a scan can come from, ready to be searched.
     name : str
         Where it came from, for messages.
+    key : str
+        Digest of the mesh as given: views made for starts are kept on disk under it.
+    made : dict
+        Views made for starts so far.
     """
 
     surface: Surface
     report: MeshReport
     views: tuple[View, ...] = ()
     name: str = "model"
+    key: str = ""
+    made: dict[Place, View] = field(default_factory=dict, repr=False)
 
     @property
     def vertices(self) -> FloatArray:
@@ -69,6 +75,24 @@ class Model:
         """Exact closest points of `points` (N, 3) mm in the model frame."""
         return self.surface.closest(points)
 
+    def view_of(self, place: Place) -> View:
+        """View of any place, made when first asked for and then kept, on disk too.
+
+        Raises
+        ------
+        StartError
+            If no part of the model is there.
+        """
+        if place not in self.made:
+            name = f"{self.key}-{place.name}"
+            view = cache.load_view(name) if self.key else None
+            if view is None:
+                view = start_view(self.surface, place)
+                if self.key:
+                    cache.store_view(name, view)
+            self.made[place] = view
+        return self.made[place]
+
 
 def prepare_model(vertices: npt.ArrayLike, faces: npt.ArrayLike, *, name: str = "model") -> Model:
     """Validate a mesh and prepare it for registration.
@@ -98,6 +122,6 @@ def prepare_model(vertices: npt.ArrayLike, faces: npt.ArrayLike, *, name: str = 
         surface = Surface(v, f)
         views = make_views(surface)
         cache.store(key, (v, f, report, views))
-        return Model(surface=surface, report=report, views=views, name=name)
+        return Model(surface=surface, report=report, views=views, name=name, key=key)
     v, f, report, views = prepared
-    return Model(surface=Surface(v, f), report=report, views=views, name=name)
+    return Model(surface=Surface(v, f), report=report, views=views, name=name, key=key)

@@ -19,7 +19,7 @@ from registration.rigid import inverse, pose, rotation_angle_deg, transform
 from registration.scan import Scan
 from registration.seeds import rotations_in_cone, rotations_near
 from registration.tissue import neighbours
-from registration.views import SHELL_CONE_DEG, View, start_view
+from registration.views import SHELL_CONE_DEG, Place, View
 from registration.visibility import visible_centroids
 
 STARTS = 256
@@ -42,6 +42,12 @@ START_REACH_MM = 40.0
 
 POLISHED_POINTS = 1500
 """Candidates are polished on at most so many points; all take part in the exact finish."""
+
+COVERED = 0.6
+"""A prepared view serves a start when it holds so many of the points, for a start may be off."""
+
+FINE_STEP_MM = 1.5
+"""The prepared view of a whole model serves starts when its field is as fine as this."""
 
 FINALISTS = 6
 """Candidates of a race that are polished to the end."""
@@ -173,11 +179,13 @@ class Search:
         middle = np.asarray(aimed.mean(axis=0), dtype=np.float64)
         towards = _unit(transform(start, self.scan.origin[None])[0] - middle)
         for view in self.model.views:
-            near = np.linalg.norm(aimed - view.centre, axis=1) < 1.5 * view.radius_mm
-            if not view.whole and near.mean() > 0.8 and towards @ view.axis > np.cos(np.radians(SHELL_CONE_DEG)):
+            if view.covers(aimed) < COVERED:
+                continue
+            faces_it = towards @ view.axis > np.cos(np.radians(SHELL_CONE_DEG))
+            if view.fine.step_mm <= FINE_STEP_MM if view.whole else faces_it:
                 return view
         reach = float(np.linalg.norm(aimed - middle, axis=1).max()) + 15.0
-        return start_view(self.model.surface, middle, towards, reach)
+        return self.model.view_of(Place.of(middle, towards, reach))
 
 
 def _shifts(rotations: FloatArray, anchors: FloatArray) -> FloatArray:

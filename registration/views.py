@@ -30,6 +30,13 @@ SHELL_CONE_DEG = 30.0
 """A shell holds what can be seen from directions within this angle of the view's axis."""
 
 
+CELL_MM = 20.0
+"""Starts that look at places nearer than this share a view."""
+
+DIRECTIONS = 120
+"""Directions that starts' views are seen along, some 18 deg apart."""
+
+
 @dataclass(frozen=True)
 class View:
     """One region of a model with what a search needs.
@@ -54,6 +61,12 @@ class View:
     fine: DistanceField
     coarse: DistanceField
     whole: bool = False
+
+    def covers(self, points: FloatArray) -> float:
+        """Share of `points` (N, 3), model frame, that lie inside the fields' box."""
+        at = (points - self.centre - self.fine.low) / self.fine.step_mm
+        inside = (at >= 0.0) & (at <= np.array(self.fine.shape) - 1.0)
+        return float(inside.all(axis=1).mean())
 
     @property
     def is_socket(self) -> bool:
@@ -82,9 +95,48 @@ def socket_view(surface: Surface, socket: Socket) -> View:
     return _view(surface, socket.centre, socket.radius_mm, axis, socket.radius_mm + REACH_MM)
 
 
-def start_view(surface: Surface, centre: FloatArray, axis: FloatArray, reach_mm: float) -> View:
-    """Prepare a view of any region: within `reach_mm` of `centre`, seen along `axis`."""
-    return _view(surface, centre, float("inf"), axis / np.linalg.norm(axis), reach_mm)
+@dataclass(frozen=True)
+class Place:
+    """A region that a start looks at, in steps, so that starts near each other share one view.
+
+    Attributes
+    ----------
+    cell : tuple of three ints
+        Centre, in steps of `CELL_MM`.
+    direction : int
+        Number of the nearest of `DIRECTIONS` evenly spread ones, towards the scanner.
+    reach : int
+        How far the region goes, in steps of `CELL_MM`.
+    """
+
+    cell: tuple[int, int, int]
+    direction: int
+    reach: int
+
+    @classmethod
+    def of(cls, centre: FloatArray, axis: FloatArray, reach_mm: float) -> Place:
+        """The place that holds all within `reach_mm` of `centre` (3,) mm, seen along the unit vector `axis`."""
+        x, y, z = (int(v) for v in np.rint(centre / CELL_MM))
+        off = float(np.linalg.norm(centre - CELL_MM * np.array([x, y, z])))
+        direction = int(np.argmax(sphere_directions(DIRECTIONS) @ axis))
+        return cls((x, y, z), direction, int(np.ceil((reach_mm + off) / CELL_MM)))
+
+    @property
+    def name(self) -> str:
+        """Name for the cache."""
+        return "-".join(str(v) for v in (*self.cell, self.direction, self.reach))
+
+
+def start_view(surface: Surface, place: Place) -> View:
+    """Prepare a view of any region.
+
+    Raises
+    ------
+    StartError
+        If no part of the surface is there.
+    """
+    axis = sphere_directions(DIRECTIONS)[place.direction]
+    return _view(surface, CELL_MM * np.array(place.cell), float("inf"), axis, CELL_MM * place.reach)
 
 
 def _view(surface: Surface, centre: FloatArray, radius: float, axis: FloatArray, reach: float) -> View:
@@ -104,11 +156,16 @@ def _view(surface: Surface, centre: FloatArray, radius: float, axis: FloatArray,
 
 def opening(surface: Surface, socket: Socket, rays: int = 400) -> FloatArray:
     """Unit vector (3,) through the middle of a socket's opening: the mean of the directions free of bone."""
-    k = np.arange(rays) + 0.5
-    z, azimuth = 1.0 - 2.0 * k / rays, k * np.pi * (3.0 - np.sqrt(5.0))
-    ring = np.sqrt(1.0 - z * z)
-    directions = np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z], axis=1)
+    directions = sphere_directions(rays)
     distance = surface.first_hit(np.broadcast_to(socket.centre, directions.shape), directions)
     mean = directions[distance > 2.5 * socket.radius_mm].sum(axis=0)
     length = float(np.linalg.norm(mean))
     return np.asarray(mean / length if length > 1.0 else socket.axis, dtype=np.float64)
+
+
+def sphere_directions(count: int) -> FloatArray:
+    """Unit vectors (count, 3) spread evenly over the sphere (golden spiral)."""
+    k = np.arange(count) + 0.5
+    z, azimuth = 1.0 - 2.0 * k / count, k * np.pi * (3.0 - np.sqrt(5.0))
+    ring = np.sqrt(1.0 - z * z)
+    return np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z], axis=1)
