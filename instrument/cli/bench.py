@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from instrument.cli import options, output
-from instrument.errors import BadInput
+from instrument.errors import BadInput, Interrupted
 
 if TYPE_CHECKING:
     from instrument.cli.session import Session
@@ -45,6 +45,7 @@ def bench(
 ) -> None:
     """Calibrate the radar or test its accuracy; writes a report folder, and a calibration where one was made."""
     from instrument.cli import session
+    from instrument.cli.simulated import checked_simulation
     from instrument.procedures import PROCEDURES
     from instrument.procedures.folder import write_outcome
 
@@ -53,10 +54,21 @@ def bench(
     stamp = _date(date)
     wanted = _settings(settings, seed, averages, hidden_errors)
     folder = _new_folder(out or Path(f"picoradar-{name}"))
-    with session.session(wanted, options.parse_speed(speed), faults=faults) as run:
-        session.warm_up(run)
-        outcome = _measure(run, folder, name, stamp)
-    result = write_outcome(folder, outcome, settings=wanted, seed=wanted.seed if run.simulated is not None else None)
+    try:
+        with session.session(wanted, options.parse_speed(speed), faults=faults) as run:
+            session.warm_up(run)
+            outcome = _measure(run, folder, name, stamp)
+    except Interrupted as stopped:
+        kept = f"no report was written; readings so far are in {folder / 'raw'}"
+        raise Interrupted(f"{stopped}; {run.controller.safe}; {kept}") from stopped
+    simulated = wanted.bench == "simulated"
+    result = write_outcome(
+        folder,
+        outcome,
+        settings=wanted,
+        seed=wanted.seed if simulated else None,
+        simulation=checked_simulation(wanted) if simulated else None,
+    )
     if json:
         output.print_json(result)
     else:
@@ -99,6 +111,11 @@ def _date(text: str | None) -> datetime.datetime | None:
 def _measure(run: Session, folder: Path, name: str, date: datetime.datetime | None) -> Outcome:
     from instrument.procedures import PROCEDURES
 
+    def told(share: float, note: str) -> None:
+        output.console().print(f"{share:4.0%} {note}", markup=False)
+
+    if run.simulated is None:  # a bar that is redrawn would write over the questions to the person
+        return PROCEDURES[name](_station(run, name, folder, told, date))
     with output.progress() as bar:
         task = bar.add_task(name, total=100, note="")
 

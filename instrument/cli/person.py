@@ -46,7 +46,7 @@ class Person:
         if self._reader is None:
             self._reader = threading.Thread(target=self._read, name="answers", daemon=True)
             self._reader.start()
-        sys.stderr.write(f"{question} ")
+        sys.stderr.write(f"{question}\n")
         sys.stderr.flush()
         (wait or self._wait)(lambda: not self._lines.empty())
         line = self._lines.get()
@@ -55,7 +55,7 @@ class Person:
             raise BadInput("nobody answers: this procedure needs a person at the terminal; run it in a terminal")
         answer = line.strip()
         if answer.lower() in STOP:
-            raise Interrupted("stopped by the person at the bench; the laser is off")
+            raise Interrupted("stopped by the person at the bench")
         return answer
 
     def numbers(

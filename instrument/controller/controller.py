@@ -190,7 +190,7 @@ class Controller:
                 raise
             if stop:
                 self.safe = make_safe(self.bench)
-                raise Interrupted(f"interrupted; {self.safe}")
+                raise Interrupted("interrupted")
             if until():
                 return
             self.bench.clock.wait(lambda: until() or self._requests.waiting(), REST_POLL_S)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel
 
 from instrument.procedures.outcome import Outcome, Plot
 from instrument.recording.header import plain, versions
@@ -18,8 +19,21 @@ from instrument.settings import Settings, to_toml
 DPI = 140
 
 
-def write_outcome(folder: Path, outcome: Outcome, *, settings: Settings, seed: int | None) -> dict[str, Any]:
+def write_outcome(
+    folder: Path, outcome: Outcome, *, settings: Settings, seed: int | None, simulation: BaseModel | None = None
+) -> dict[str, Any]:
     """Write everything that a procedure found into a folder that exists.
+
+    Parameters
+    ----------
+    folder : Path
+    outcome : Outcome
+    settings : Settings
+        In force.
+    seed : int or None
+        Of the simulated bench.
+    simulation : pydantic model, optional
+        What the simulated bench was made of.
 
     Returns
     -------
@@ -33,7 +47,7 @@ def write_outcome(folder: Path, outcome: Outcome, *, settings: Settings, seed: i
     for name, table in outcome.readings.items():
         header = ",".join(table.columns)
         np.savetxt(folder / f"{name}.csv", table.values, delimiter=",", header=header, comments="", fmt="%.9g")
-    settings_text = to_toml(settings)
+    settings_text = to_toml(settings, simulation)
     (folder / "settings.toml").write_text(settings_text, encoding="utf-8")
     result: dict[str, Any] = plain(
         {

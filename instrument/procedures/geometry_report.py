@@ -9,8 +9,9 @@ import numpy as np
 
 from instrument.calibration import Calibration
 from instrument.procedures.outcome import Outcome, Plot, Readings
-from instrument.procedures.plane_fit import KNOWN_SHARE, PlaneFit, in_words, named
+from instrument.procedures.plane_fit import KNOWN_SHARE, PlaneFit
 from instrument.procedures.plane_poses import Pose
+from instrument.procedures.plane_words import in_words, named
 from instrument.procedures.planes import (
     PARAMETERS,
     SIZES,

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from instrument.calibration import Calibration
 from instrument.procedures.planes import (
     COUNT,
-    PARAMETERS,
     PLANE_SIZES,
     SIZES,
     Beams,
@@ -223,32 +222,3 @@ def _seen(scans: Sequence[PlaneScan], vector: FloatArray, zero_mm: float) -> lis
 
 def _noise(scans: Sequence[PlaneScan], seen: Sequence[Beams], before: Calibration) -> FloatArray:
     return np.concatenate([noise_of(scan, s, before.pointing_sd_rad) for scan, s in zip(scans, seen, strict=True)])
-
-
-def in_words(fit: PlaneFit) -> list[str]:
-    """Say each parameter with its uncertainty, or that these poses do not identify it."""
-    return [_sentence(*row) for row in zip(PARAMETERS, fit.values, fit.sd, fit.identified, strict=True)]
-
-
-def named(parameter: str) -> str:
-    """Return a parameter's name in words."""
-    return _WORDS[parameter][0]
-
-
-def _sentence(name: str, value: float, sd: float, identified: bool) -> str:
-    words, unit, factor = _WORDS[name]
-    if not identified:
-        return f"{words}: these poses do not identify it; it keeps its former value."
-    return f"{words}: {factor * value:.4g} +- {factor * sd:.2g}{unit}."
-
-
-_DEG = 180 / np.pi
-_WORDS = {
-    "mirror_separation_mm": ("mirror separation", " mm", 1.0),
-    "x_scale": ("scale error of the first mirror", " %", 100.0),
-    "y_scale": ("scale error of the second mirror", " %", 100.0),
-    "x_offset_rad": ("offset of the first mirror", " deg", _DEG),
-    "y_offset_rad": ("offset of the second mirror", " deg", _DEG),
-    "non_orthogonality_rad": ("non-orthogonality", " deg", _DEG),
-    "range_zero_mm": ("range zero", " mm", 1.0),
-}

@@ -168,5 +168,5 @@ class Station:
         with Recording.create(path, header) as recording:
             outcome = self.controller.scan(job, recording)
         if outcome.stop_reason != "complete":
-            raise Interrupted(f"{outcome.stop_reason}; {outcome.safe}")
+            raise Interrupted(outcome.stop_reason)
         return path

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.errors import BadInput, Interrupted
+from instrument.errors import BadInput, InterlockTripped, Interrupted
 from instrument.procedures.findings import refused
 from instrument.procedures.light import SWEEP, Light, LightJob, NoStore
 from instrument.procedures.outcome import Outcome, Plot, Readings
@@ -25,7 +25,9 @@ FloatArray = NDArray[np.float64]
 
 NAME = "transmitter"
 VOLTS = tuple(float(v) for v in range(240, 331, 10))
-DEGC = tuple(float(t) for t in range(18, 26))  # a Peltier element gives no more than 3 K below the air
+DEGC = tuple(float(t) for t in range(25, 16, -1))  # down to where a Peltier element may give up
+LEAST_DEGC = min(DEGC)
+REACH_LIMIT_S = 600.0  # for one temperature
 COOL_HZ = 20_000.0  # of the sweep of the voltage: there the transmitter never overheats
 METER_SHARE = 0.02  # uncertainty of the power meter from reading to reading
 WORK_HZ = 80_000.0
@@ -66,7 +68,7 @@ def run(station: Station, *, volts: tuple[float, ...] = VOLTS, degc: tuple[float
     BadInput
         When the bench has no light meters.
     InterlockTripped
-        When the light of a working point may exceed class 1.
+        When the light of a working point may exceed class 1, or the diode does not reach its working temperature.
     """
     meters = station.meters
     if meters is None:
@@ -79,7 +81,12 @@ def run(station: Station, *, volts: tuple[float, ...] = VOLTS, degc: tuple[float
     try:
         for number, (drive_v, temperature, prf_hz) in enumerate(points):
             station.progress(number / len(points), f"{drive_v:g} V, {temperature:g} degC")
-            light = _light_at(station, drive_v, temperature, prf_hz)
+            try:
+                light = _light_at(station, drive_v, temperature, prf_hz)
+            except InterlockTripped as stopped:
+                if stopped.interlock != "warm-up" or temperature >= WORK_DEGC:
+                    raise
+                break  # the diode cannot be cooled further; it need not
             if light.trace_mv.max() < NO_LIGHT_MV or light.mean_power_mw <= 0:
                 found = f"No light at {drive_v:g} V and {temperature:g} degC: lid closed, or the meters see nothing."
                 return refused(NAME, found, REMEDY)
@@ -95,7 +102,10 @@ def _light_at(station: Station, drive_v: float, degc: float, prf_hz: float) -> L
     meters = station.meters
     if meters is None:
         raise BadInput("no light meters")
-    changes = {"pulser": {"drive_v": drive_v, "prf_hz": prf_hz}, "diode": {"target_degc": degc}}
+    changes = {
+        "pulser": {"drive_v": drive_v, "prf_hz": prf_hz},
+        "diode": {"target_degc": degc, "warm_up_limit_s": REACH_LIMIT_S},
+    }
     controller = station.controller
     controller.work_at(override(station.settings, changes))
     controller.warm_up()
@@ -103,7 +113,7 @@ def _light_at(station: Station, drive_v: float, degc: float, prf_hz: float) -> L
     job = LightJob(meters, replace(SWEEP, prf_hz=prf_hz), where, station.clock)
     outcome = controller.scan(job, NoStore(station.folder))
     if outcome.stop_reason != "complete" or job.light is None:
-        raise Interrupted(f"{outcome.stop_reason}; {outcome.safe}")
+        raise Interrupted(outcome.stop_reason)
     return job.light
 
 
@@ -143,6 +153,8 @@ def _judged(station: Station, by_volts: list[Pulse], by_degc: list[Pulse]) -> Ou
         "drive_v_in_force": in_force[0],
         "degc_in_force": in_force[1],
     }
+    coldest = min(p.degc for p in by_degc)
+    figures["coldest_degc"] = coldest
     advice = "Let diode and pulser be checked: the pulse is weak or long."
     same = in_force == (best.drive_v, best_degc)
     change = f"Set pulser.drive_v to {best.drive_v:g} and diode.target_degc to {best_degc:g}."
@@ -154,6 +166,8 @@ def _judged(station: Station, by_volts: list[Pulse], by_degc: list[Pulse]) -> Ou
             f"there the pulse has {best.peak_w:.0f} W, {best.fwhm_ps:.0f} ps FWHM and {best.rise_ps:.0f} ps rise time "
             "(dissertation: 290 V, 23 degC, 128.2 W, 44 ps, 32 ps).",
             f"At {WORK_HZ / 1e3:g} kHz the mean power at the exit is {best.energy_nj * WORK_HZ * 1e-6:.2f} mW.",
+            f"The diode was taken from {max(p.degc for p in by_degc):g} down to {coldest:g} degC"
+            + ("." if coldest <= LEAST_DEGC else f"; here it cannot be cooled to {LEAST_DEGC:g} degC."),
         ],
         ("Nothing to do." if same else change) if passed else advice,
         (f"{best.peak_w:.0f} W", f"peak power at {best.drive_v:g} V and {best_degc:g} degC"),
