@@ -74,6 +74,50 @@ class LeastMedian:
         return np.asarray(size <= self.limit * max(scale, 1e-9), dtype=np.float64)
 
 
+@dataclass(frozen=True)
+class SelfTrimmed:
+    """Trimmed ICP that finds its own share: the one that minimises ``e(share) / share^(1 + preference)``.
+
+    Attributes
+    ----------
+    preference : float
+        How strongly large shares are preferred; 2 in the paper of Chetverikov et al.
+    least : float
+        Smallest share that is tried.
+    """
+
+    preference: float = 2.0
+    least: float = 0.3
+
+    def weights(self, residuals_mm: FloatArray) -> FloatArray:
+        """Weights (N,) of the squared residuals (N,), 0 or 1."""
+        squared = np.sort(residuals_mm**2)
+        count = np.arange(1, len(squared) + 1)
+        objective = np.cumsum(squared) / count / (count / len(squared)) ** (1.0 + self.preference)
+        first = min(len(squared), max(UNKNOWNS, int(self.least * len(squared)))) - 1
+        limit = squared[first + int(np.argmin(objective[first:]))]
+        return np.asarray(residuals_mm**2 <= limit, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class OneSided:
+    """Welsch's weight, narrow in front of the surface and wide behind it: a beam may end early, but not inside bone.
+
+    Attributes
+    ----------
+    front, behind : float
+        Constants for positive (in front) and negative residuals, in units of their MAD scale.
+    """
+
+    front: float = 1.5
+    behind: float = 6.0
+
+    def weights(self, residuals_mm: FloatArray) -> FloatArray:
+        """Weights (N,) of the squared residuals (N,), in [0, 1]."""
+        constant = np.where(residuals_mm > 0.0, self.front, self.behind)
+        return np.asarray(np.exp(-((residuals_mm / (constant * mad_scale(residuals_mm))) ** 2)), dtype=np.float64)
+
+
 LOSSES: dict[str, Loss] = {
     "least squares": MEstimator(np.ones_like, 1.0),
     "Huber": MEstimator(lambda z: 1.0 / np.maximum(z, 1.0), 1.345),
@@ -81,7 +125,9 @@ LOSSES: dict[str, Loss] = {
     "Cauchy": MEstimator(lambda z: 1.0 / (1.0 + z * z), 2.385),
     "Welsch": MEstimator(lambda z: np.exp(-z * z), 2.985),
     "Geman-McClure": MEstimator(lambda z: 1.0 / (1.0 + z * z) ** 2, 1.0),
+    "one-sided": OneSided(),
     "LTS 60 %": Trimmed(0.6),
+    "self-trimmed": SelfTrimmed(),
     "LMedS": LeastMedian(),
 }
 """By name, with the constants of 95 % efficiency for Gaussian residuals where there are such."""

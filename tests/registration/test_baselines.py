@@ -66,7 +66,7 @@ def test_every_criterion_keeps_the_good_and_counts_nothing_twice(name: str) -> N
         assert weights[:400].mean() > 4.0 * weights[400:].mean()
 
 
-@pytest.mark.parametrize("name", ["Tukey", "Welsch", "LMedS", "LTS 60 %"])
+@pytest.mark.parametrize("name", ["Tukey", "Welsch", "one-sided", "LMedS", "LTS 60 %", "self-trimmed"])
 def test_robust_criteria_withstand_outliers_where_least_squares_does_not(ellipsoid: Surface, name: str) -> None:
     points = points_on(ellipsoid, 300, 0.1)
     points[:60] *= 1.25

@@ -1,0 +1,87 @@
+"""Input that has no right pose is refused or fails in words; it never passes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+import registration
+from registration.rigid import inverse, pose, transform
+from sim.targets import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM
+
+
+@pytest.fixture(scope="module")
+def hip_in_socket_frame() -> tuple[np.ndarray, np.ndarray]:
+    """The shipped hip bone with its socket's centre in the origin, opening along +z, where `scan_of` looks."""
+    hip = trimesh.load(HIP_FILE)
+    z = np.array(SOCKET_AXIS) / np.linalg.norm(SOCKET_AXIS)
+    x = np.cross([0.0, 1.0, 0.0], z)
+    x /= np.linalg.norm(x)
+    model_from_socket = pose(np.stack([x, np.cross(z, x), z], axis=1), np.array(SOCKET_CENTRE_MM))
+    return transform(inverse(model_from_socket), np.asarray(hip.vertices)), np.asarray(hip.faces)
+
+
+@pytest.fixture(scope="module")
+def hip(hip_in_socket_frame: tuple[np.ndarray, np.ndarray]) -> registration.Model:
+    return registration.prepare_model(*hip_in_socket_frame)
+
+
+@pytest.fixture(scope="module")
+def other_side(hip_in_socket_frame: tuple[np.ndarray, np.ndarray]) -> registration.Model:
+    vertices, faces = hip_in_socket_frame
+    return registration.prepare_model(vertices * [-1.0, 1.0, 1.0], faces[:, ::-1])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_other_hip_never_passes(
+    hip: registration.Model, other_side: registration.Model, scan_of: Callable[..., Any], seed: int
+) -> None:
+    scan = scan_of(hip, seed)
+    assert registration.register(scan.points, hip, grid=scan.grid).verdict == "pass"
+    for model, points in ((other_side, scan.points), (hip, scan_of(other_side, seed).points)):
+        found = registration.register(points, model)
+        assert found.verdict == "fail"
+        assert found.reasons
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_another_bone_never_passes_even_from_a_start(
+    hip: registration.Model, socket: registration.Model, scan_of: Callable[..., Any], seed: int
+) -> None:
+    """Both sockets lie in the same place, so that the start is as good as it can be."""
+    scan = scan_of(socket, seed)
+    for start in ("any", scan.truth):
+        assert registration.register(scan.points, hip, start=start).verdict == "fail"
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        trimesh.creation.icosphere(subdivisions=4, radius=25.5),
+        trimesh.creation.box((120.0, 120.0, 10.0)),
+    ],
+    ids=["ball", "board"],
+)
+def test_a_scan_of_something_else_fails(
+    hip: registration.Model, scan_of: Callable[..., Any], body: trimesh.Trimesh
+) -> None:
+    scan = scan_of(registration.prepare_model(body.vertices, body.faces), 1)
+    assert registration.register(scan.points, hip).verdict == "fail"
+
+
+def test_too_few_points_to_tell_fail_or_are_refused(hip: registration.Model, scan_of: Callable[..., Any]) -> None:
+    points = scan_of(hip, 1).points[::110]
+    assert 6 < len(points) < 20
+    assert registration.register(points, hip).verdict == "fail"
+    with pytest.raises(registration.PointsError, match="six unknowns"):
+        registration.register(points[:5], hip)
+
+
+def test_a_model_in_metres_is_refused(hip_in_socket_frame: tuple[np.ndarray, np.ndarray]) -> None:
+    vertices, faces = hip_in_socket_frame
+    with pytest.raises(registration.MeshError, match="metres"):
+        registration.prepare_model(vertices / 1000.0, faces)
