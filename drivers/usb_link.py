@@ -17,8 +17,8 @@ import usb.util
 from drivers.clock import Clock
 from drivers.errors import LinkLost, ProtocolError, Stall, Timeout
 from drivers.transcript import Transcript
+from drivers.usb_find import ACCESS_REMEDY, configuration_value, described, find_device
 
-ACCESS_REMEDY = "the device is there but this account may not open it: install the udev rule of docs/devices.md"
 VENDOR_IN = 0xC1  # bmRequestType of vendor requests to the interface
 VENDOR_OUT = 0x41
 SLICE_S = 0.1  # longest wait inside the bus, so that timers (heartbeats) run on a real clock too
@@ -97,7 +97,8 @@ class UsbLink:
             return
         found = None
         try:
-            found = self._find()
+            wanted = self.vendor_id, self.product_id, self.serial_number, self.interface_class
+            found = find_device(self.device, self.backend, *wanted)
             self._claim(found)
         except usb.core.NoBackendError as error:
             raise LinkLost(self.device, "no USB library is installed", "install libusb 1.0") from error
@@ -111,7 +112,7 @@ class UsbLink:
                 with contextlib.suppress(usb.core.USBError):
                     usb.util.dispose_resources(found)
         if self.transcript is not None:
-            self._note("open", **_described(found))
+            self._note("open", **described(found))
 
     def close(self) -> None:
         """Release the interface; harmless when it is closed or the device has vanished."""
@@ -227,7 +228,7 @@ class UsbLink:
         return done
 
     def _claim(self, found: Any) -> None:
-        if found.bNumConfigurations and self._configuration_value(found) == 0:
+        if found.bNumConfigurations and configuration_value(found) == 0:
             found.set_configuration()
         if self.backend is None and found.is_kernel_driver_active(self.interface):
             found.detach_kernel_driver(self.interface)
@@ -235,45 +236,6 @@ class UsbLink:
         if self.alternate:
             found.set_interface_altsetting(self.interface, self.alternate)
         self._usb = found
-
-    def _find(self) -> Any:
-        every = usb.core.find(find_all=True, backend=self.backend, idVendor=self.vendor_id, idProduct=self.product_id)
-        found = [d for d in every if self._matches(d)]
-        if not found:
-            which = f" with serial number {self.serial_number}" if self.serial_number else ""
-            raise LinkLost(self.device, f"no such device{which} on the bus", "plug it in, switch it on")
-        if len(found) > 1:
-            raise LinkLost(
-                self.device, f"{len(found)} such devices are there", "name its serial number in the settings"
-            )
-        return found[0]
-
-    def _matches(self, candidate: Any) -> bool:
-        if self.serial_number is not None and self._serial_number_of(candidate) != self.serial_number:
-            return False
-        if self.interface_class is None:
-            return True
-        return any(
-            (i.bInterfaceClass, i.bInterfaceSubClass, i.bInterfaceProtocol) == self.interface_class
-            for configuration in candidate
-            for i in configuration
-        )
-
-    def _serial_number_of(self, candidate: Any) -> str | None:
-        try:
-            found: str | None = candidate.serial_number
-        except ValueError as error:  # without access to a device pyusb finds no strings in it
-            raise LinkLost(self.device, "its serial number cannot be read: access denied", ACCESS_REMEDY) from error
-        finally:
-            usb.util.dispose_resources(candidate)
-        return found
-
-    @staticmethod
-    def _configuration_value(device: Any) -> int:
-        try:
-            return int(device.get_active_configuration().bConfigurationValue)
-        except usb.core.USBError:
-            return 0  # pyusb's way of saying that no configuration is set
 
     def _opened(self) -> Any:
         if self._usb is None:
@@ -303,25 +265,6 @@ class UsbLink:
             self.close()
             raise LinkLost(self.device, f"{doing}: the device has gone", "plug it in and connect again") from error
         raise ProtocolError(self.device, f"{doing}: {error}") from error
-
-
-def _described(device: Any) -> dict[str, Any]:
-    """Get what a transcript tells of a device: enough to make one like it."""
-    fields = ("idVendor", "idProduct", "bcdDevice", "speed")
-    settings = [
-        {
-            "number": i.bInterfaceNumber,
-            "alternate": i.bAlternateSetting,
-            "class": [i.bInterfaceClass, i.bInterfaceSubClass, i.bInterfaceProtocol],
-            "endpoints": [[e.bEndpointAddress, e.bmAttributes, e.wMaxPacketSize, e.bInterval] for e in i],
-        }
-        for i in device.get_active_configuration()
-    ]
-    return {
-        **{name: getattr(device, name) for name in fields},
-        "strings": [device.manufacturer, device.product, device.serial_number],
-        "interfaces": settings,
-    }
 
 
 def _ms(seconds: float) -> int:
