@@ -78,7 +78,8 @@ class Pulses:
         with np.errstate(divide="ignore", invalid="ignore"):
             lead = low + (half - values[rows, low]) / (values[rows, low + 1] - values[rows, low])
             trail = high - (half - values[rows, high]) / (values[rows, high - 1] - values[rows, high])
-        return np.where(cut, np.nan, (trail - lead) * coarse.bin_ps)
+            width = (trail - lead) * coarse.bin_ps  # infinite less infinite where two bins of no pulse are the same
+        return np.where(cut, np.nan, width)
 
 
 def coarse_traces(traces_mv: FloatArray, step_ps: float, settings: RangingSettings) -> CoarseTraces:
