@@ -31,6 +31,7 @@ AVERAGES = (1, 2, 4, 8, 16, 32, 64)
 GRAY_AT_1_M = 0.7  # reflectance that gives about 50 mV at 1 m
 LARGEST_MM = 1.0  # of a single reading at 1 m with 8 averages (S 2.4, figure 2.13: 0.875)
 CHANCE = 0.002  # share of readings beyond it that is no defect; one reading always is chance
+FAR_OFF_MM = 10.0  # no range zero is so wrong
 MEAN_MM = 0.3  # of the mean at any distance of the range
 BAD_FLAGS = Flag.NO_ECHO | Flag.NO_REFERENCE | Flag.OVERLAPPED
 REMEDY = (
@@ -77,11 +78,23 @@ def run(station: Station, *, readings: int = SERIES_READINGS, short: int = 48) -
         records = traces_of(station.stare(f"series-{number + 1:02d}", count, averages=averages))
         for method, series in taken.items():
             series.append(_ranged(records, method, station.calibration, told_mm, averages))
-        first = taken["half-maximum"][0]
-        if number == 0 and (lost := lost_readings(len(first.good), len(first.error_mm), "the plate at 1 m")):
-            return refused(NAME, lost, REMEDY)
+        if distance_mm >= DISTANCES_MM[0] and (wrong := _wrong(taken["half-maximum"][-1])):
+            return refused(NAME, wrong, REMEDY)
     station.progress(1.0, "evaluating")
     return _judged(taken)
+
+
+def _wrong(series: Series) -> str:
+    """Say why a series cannot be that of a plate where it was told to be; empty when it can."""
+    if lost := lost_readings(len(series.good), len(series.error_mm), f"the plate at {series.distance_mm:g} mm"):
+        return lost
+    off_mm = float(np.median(series.good))
+    if abs(off_mm) > FAR_OFF_MM:
+        return (
+            f"The plate told to stand at {series.distance_mm:g} mm was found {abs(off_mm):.0f} mm off: another body, "
+            "or it stands elsewhere."
+        )
+    return ""
 
 
 def _ranged(records: Records, method: Method, calibration: Calibration, told_mm: float, averages: int) -> Series:

@@ -24,8 +24,9 @@ FloatArray = NDArray[np.float64]
 NAME = "drift"
 BRIGHT, DARK = 0.7, 0.28  # reflectances; their difference shows whether the walk drifts
 LIMIT_MM = 0.1  # of the mean range with the reference, over the whole time
-WARM_MM = 0.1  # warm when the range without reference changes less than this in the time given
-WARM_SPAN_S = 600.0
+WARM_SDS = 4.0  # of the wander of a warm radar; more is a warm-up
+FAR_OFF_MM = 10.0  # no range zero is so wrong
+LEAST_DARKER = 1.5  # bright response over dark; 2.5 is asked for
 REMEDY = "Leave the plate where it is for the whole time, keep the room steady, and run this again."
 
 
@@ -53,16 +54,26 @@ def run(station: Station, *, hours: float = 2.0, interval_s: float = 120.0, read
     dark = _watch(station, "dark", max(groups // 4, 5), readings, interval_s)
     if lost := lost_readings(int(np.isfinite(dark.range_mm).sum()), dark.range_mm.size, "the darker plate"):
         return refused(NAME, lost, REMEDY)
+    off_mm = float(np.nanmedian(bright.range_mm)) - told_mm
+    if abs(off_mm) > FAR_OFF_MM:
+        found = f"The plate asked for at {told_mm:g} mm was found {abs(off_mm):.0f} mm off: another body, or elsewhere."
+        return refused(NAME, found, REMEDY)
+    darker = float(np.nanmedian(bright.response_mv) / np.nanmedian(dark.response_mv))
+    if darker < LEAST_DARKER:
+        asked = f"asked was a factor of {BRIGHT / DARK:.1f}"
+        found = f"The second plate is not darker: its echo is weaker by {darker:.2f} times, {asked}."
+        return refused(NAME, found, REMEDY)
     return _judged(bright, dark, told_mm, interval_s)
 
 
 @dataclass(frozen=True)
 class Watched:
-    """Groups of readings: begin (G,) s, ranges and time-significant points of the echo (G, R), mm and ps."""
+    """Groups of readings: begin (G,) s; range, time-significant point of the echo, response (G, R) in mm, ps, mV."""
 
     times_s: FloatArray
     range_mm: FloatArray
     echo_ps: FloatArray
+    response_mv: FloatArray
 
     @property
     def mean_mm(self) -> FloatArray:
@@ -88,7 +99,8 @@ def _watch(station: Station, name: str, groups: int, readings: int, interval_s: 
     )
     shape = (groups, readings)
     times_s = records.began_s.reshape(shape)[:, 0]
-    return Watched(times_s - times_s[0], found.range_mm.reshape(shape), found.echo_ps.reshape(shape))
+    ranges, echoes, responses = (x.reshape(shape) for x in (found.range_mm, found.echo_ps, found.response_mv))
+    return Watched(times_s - times_s[0], ranges, echoes, responses)
 
 
 def _judged(bright: Watched, dark: Watched, told_mm: float, interval_s: float) -> Outcome:
@@ -96,7 +108,8 @@ def _judged(bright: Watched, dark: Watched, told_mm: float, interval_s: float) -
     standard = float(np.nanmedian(np.nanstd(bright.range_mm, axis=1, ddof=1)) / bright.range_mm.shape[1] ** 0.5)
     spans, with_reference = allan_deviation(bright.mean_mm, interval_s)
     _, without = allan_deviation(bright.alone_mm, interval_s)
-    warm_s = _warm_after(bright, interval_s)
+    wander = float(bright.alone_mm.std(ddof=1))
+    warm_s = warm_after(bright.times_s, bright.alone_mm)
     largest, alone = float(np.abs(error).max()), float(np.abs(bright.alone_mm).max())
     passed = largest <= LIMIT_MM
     figures: dict[str, float | int | str | bool | None] = {
@@ -110,15 +123,23 @@ def _judged(bright: Watched, dark: Watched, told_mm: float, interval_s: float) -
         "least_allan_deviation_mm": float(with_reference.min()),
         "best_averaging_time_s": float(spans[np.argmin(with_reference)]),
         "warm_after_s": warm_s,
+        "wander_without_reference_mm": wander,
     }
-    warm = "did not become steady" if warm_s is None else f"was steady after {warm_s / 60:.0f} min"
+    if warm_s is None:
+        warm = "The timing without reference still goes one way at the end: watch longer for the end of the warm-up."
+    elif warm_s == 0.0:
+        warm = (
+            f"No warm-up is left once the diode is stable: from the first minute the timing wanders by {wander:.1f} mm."
+        )
+    else:
+        warm = f"The radar is warm {warm_s / 60:.0f} min after the diode is stable; then it wanders by {wander:.1f} mm."
     return Outcome(
         NAME,
         passed,
         [
             f"In {figures['hours']:.1f} h the range moved by at most {largest:.3f} mm with the reference in every "
             f"record, and by {alone:.2f} mm with the echo alone: that is why an attempt without it fails (S 2.5).",
-            f"The timing without reference {warm} after warm-up of the diode.",
+            f"{warm} The reference in every record takes it out.",
         ],
         "Nothing to do." if passed else REMEDY,
         (f"{largest:.3f} mm", "largest change of the range with reference (at most 0.1 mm)"),
@@ -150,14 +171,20 @@ def allan_deviation(values: FloatArray, interval_s: float) -> tuple[FloatArray, 
     return sizes * interval_s, np.array(result)
 
 
-def _warm_after(watched: Watched, interval_s: float) -> float | None:
-    """Return when the range without reference has begun to stay within `WARM_MM` for `WARM_SPAN_S`."""
-    span = max(int(WARM_SPAN_S / interval_s), 1)
-    for first in range(len(watched.alone_mm) - span):
-        part = watched.alone_mm[first : first + span + 1]
-        if float(np.ptp(part)) <= 2 * WARM_MM:
-            return float(watched.times_s[first])
-    return None
+def warm_after(times_s: FloatArray, values: FloatArray) -> float | None:
+    """Return from when on the values wander no more than they do in the second half of the time.
+
+    A warm-up shows as values outside `WARM_SDS` standard deviations of the second half about its mean. None when the
+    second half itself goes one way: then the end of the warm-up is not in sight.
+    """
+    half = len(values) // 2
+    late = values[half:]
+    middle, wander = float(late.mean()), float(late.std(ddof=1))
+    first, last = late[: len(late) // 2], late[len(late) // 2 :]
+    if abs(float(first.mean() - last.mean())) > 2.0 * float(np.hypot(first.std(ddof=1), last.std(ddof=1))):
+        return None
+    cold = np.flatnonzero(np.abs(values - middle) > WARM_SDS * wander)
+    return float(times_s[cold[-1] + 1] if cold.size else times_s[0])
 
 
 def _readings(watched: Watched) -> Readings:
@@ -180,6 +207,8 @@ def _draw_allan(figure: Figure, spans: FloatArray, with_reference: FloatArray, w
     axes.loglog(spans, without, "o-", color="tab:orange", label="without reference")
     axes.loglog(spans, with_reference, "o-", color="tab:blue", label="with reference")
     axes.loglog(spans, with_reference[0] * (spans / spans[0]) ** -0.5, "--", color="0.5", lw=1)
+    axes.set_xticks(spans, [f"{span:g}" for span in spans])
+    axes.minorticks_off()
     axes.set(xlabel="averaging time, s", ylabel="Allan deviation of the range, mm")
     axes.grid(alpha=0.3, which="both")
     axes.legend(frameon=False)

@@ -86,11 +86,11 @@ def _draw(folder: Path, plot: Plot) -> Picture:
 
 def _page(outcome: Outcome, pictures: list[Picture], provenance: Mapping[str, Any], settings_text: str) -> Page:
     kind, symbol, word = ("pass", "✔", "PASSED") if outcome.passed else ("fail", "✘", "NOT PASSED")
-    banner = Banner(kind, symbol, word, [*outcome.findings, f"Next: {outcome.next_step}"])
+    banners = [Banner(kind, symbol, word, outcome.findings), Banner("plain", "➜", "Next", [outcome.next_step])]
     shown = [(name, "could not be had" if value is None else _shown(value)) for name, value in outcome.figures.items()]
     return Page(
         title=f"picoradar bench: {outcome.name}",
-        banners=[banner],
+        banners=banners,
         figures=[outcome.headline],
         pictures=pictures,
         facts=shown,

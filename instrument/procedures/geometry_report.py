@@ -62,7 +62,7 @@ def describe(
     findings = [
         f"On a pose of the plate that the fit has not seen, the points lie {ratio:.2f} times the ranging noise "
         f"off their plane (before: {ratio_before:.2f} times).",
-        *in_words(fit),
+        *_parameters(fit),
         f"Best pose to add: {pose}; it would take {_gain(fit, sd_with_it)}.",
     ]
     use = "Use calibration.json of this folder: settings, key calibration."
@@ -75,7 +75,11 @@ def describe(
         figures,
         [
             Plot(
-                "residuals", "Distances from the plane, pose held back", _CAPTION, lambda f: _draw(f, judge, old, new)
+                "residuals",
+                "Distances from the plane, pose held back",
+                _CAPTION,
+                lambda f: _draw(f, judge, old, new),
+                (9.0, 5.0),
             ),
             Plot("parameters", "How well each parameter is known", _KNOWN, lambda f: _draw_known(f, fit, sd_with_it)),
         ],
@@ -90,7 +94,7 @@ _CAPTION = (
 )
 _KNOWN = (
     "Share of the uncertainty of an uncalibrated scanner that is left: the new calibration, and with the pose advised. "
-    "Right of the dashed line the poses do not identify a parameter; it keeps its former value."
+    "Right of the dashed line the poses do not identify a parameter."
 )
 
 
@@ -113,6 +117,14 @@ def _gain(fit: PlaneFit, sd_with_it: FloatArray) -> str:
     share = sd_with_it / fit.sd
     best = int(np.argmin(share))
     return f"{100 * (1 - share[best]):.0f} % off the uncertainty of the {named(PARAMETERS[best])}"
+
+
+def _parameters(fit: PlaneFit) -> list[str]:
+    """Say what was found out, and what these poses cannot tell."""
+    unknown = [named(name) for name, known in zip(PARAMETERS, fit.identified, strict=True) if not known]
+    found = [f"{len(PARAMETERS) - len(unknown)} of {len(PARAMETERS)} parameters are identified; see the picture."]
+    kept = f"These poses do not identify: {', '.join(unknown)}; kept as before."
+    return [*found, kept] if unknown else found
 
 
 def _readings(scans: Sequence[PlaneScan], fit: PlaneFit) -> Readings:
@@ -144,7 +156,7 @@ def _draw_known(figure: Figure, fit: PlaneFit, sd_with_it: FloatArray) -> None:
     axes.plot(fit.sd / SIZES, rows, "o", color="tab:blue", label="these poses")
     axes.plot(sd_with_it / SIZES, rows, "|", color="tab:orange", ms=14, mew=2, label="with the pose advised")
     axes.axvline(KNOWN_SHARE, color="0.4", ls="--", lw=1)
-    axes.set_yticks(rows, [named(name) for name in PARAMETERS])
+    axes.set_yticks(rows, in_words(fit))
     axes.set(xscale="log", xlabel="standard deviation over that of an uncalibrated scanner", xlim=(1e-3, 1.5))
     axes.invert_yaxis()
     axes.grid(alpha=0.3)

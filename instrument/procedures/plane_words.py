@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from instrument.procedures.plane_fit import PlaneFit
@@ -21,8 +23,9 @@ def named(parameter: str) -> str:
 def _sentence(name: str, value: float, sd: float, identified: bool) -> str:
     words, unit, factor = _WORDS[name]
     if not identified:
-        return f"{words}: these poses do not identify it; it keeps its former value."
-    return f"{words}: {factor * value:.4g} +- {factor * sd:.2g}{unit}."
+        return f"{words}: these poses do not identify it"
+    digits = max(0, 1 - math.floor(math.log10(factor * sd)))
+    return f"{words}: {factor * value:.{digits}f} ± {factor * sd:.{digits}f}{unit}"
 
 
 _DEG = 180 / np.pi

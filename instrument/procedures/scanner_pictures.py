@@ -51,5 +51,7 @@ def draw_settling(figure: Figure, lags: dict[str, FloatArray], scanner: ScannerS
         axes.axvline(wait_ms, color=f"C{number}", ls="--", lw=1)
     axes.axhspan(-LAG_MM, LAG_MM, color="0.9")
     axes.set(xscale="log", xlabel="time after the command, ms", ylabel="way still missing, mm", ylim=(-0.2, 1.0))
+    axes.set_xticks(WAITS_MS, [f"{wait:g}" for wait in WAITS_MS])
+    axes.minorticks_off()
     axes.grid(alpha=0.3)
     axes.legend(frameon=False)

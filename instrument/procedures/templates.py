@@ -106,12 +106,16 @@ _SCATTER = "Standard deviation of one reading on the cards held back, against th
 
 
 def _draw_shapes(figure: Figure, shapes: Templates) -> None:
+    from matplotlib import colormaps
+
     axes = figure.subplots()
     times = shapes.start_ps + shapes.step_ps * np.arange(len(shapes.reference))
     axes.plot(times * 1e-3, shapes.reference, "k--", lw=1.2, label=f"reference, {shapes.reference_mv:.0f} mV")
+    colours = colormaps["viridis"]
     for number, (response, echo) in enumerate(zip(shapes.response_mv, shapes.echoes, strict=True)):
-        shade = 0.15 + 0.7 * number / len(shapes.echoes)
-        axes.plot(times * 1e-3, echo, color=(0.1, 0.35, shade), lw=0.9, label=f"echo, {response:.0f} mV")
+        axes.plot(
+            times * 1e-3, echo, color=colours(number / len(shapes.echoes)), lw=1.1, label=f"echo, {response:.0f} mV"
+        )
     axes.set(xlabel="time about the 50 % point, ns", ylabel="voltage over its peak")
     axes.grid(alpha=0.3)
     axes.legend(frameon=False)

@@ -170,25 +170,31 @@ def _judged(station: Station, by_volts: list[Pulse], by_degc: list[Pulse]) -> Ou
             + ("." if coldest <= LEAST_DEGC else f"; here it cannot be cooled to {LEAST_DEGC:g} degC."),
         ],
         ("Nothing to do." if same else change) if passed else advice,
-        (f"{best.peak_w:.0f} W", f"peak power at {best.drive_v:g} V and {best_degc:g} degC"),
+        (
+            f"{best.peak_w:.0f} W",
+            f"peak power at {best.drive_v:g} V and {best_degc:g} degC (at least {LEAST_PEAK_W:g} W)",
+        ),
         figures,
         [
-            Plot("voltage", "Pulse against supply voltage", _VOLTS, lambda figure: _draw_volts(figure, by_volts)),
-            Plot("temperature", "Pulse against temperature", _DEGC, lambda figure: _draw_degc(figure, by_degc)),
+            Plot("voltage", "Pulse against supply voltage", _VOLTS, lambda f: _draw_volts(f, by_volts, best.drive_v)),
+            Plot("temperature", "Pulse against temperature", _DEGC, lambda f: _draw_degc(f, by_degc, best_degc)),
         ],
         {"voltage": _readings(by_volts), "temperature": _readings(by_degc)},
     )
 
 
-_VOLTS = "Peak power, width and rise time at 23 degC, 20 kHz, as in figures 2.8 to 2.10; shaded: overheats at 80 kHz."
-_DEGC = "Peak power, width and rise time at 290 V and 80 kHz, as in figures 2.11 and 2.12."
+_VOLTS = (
+    "Peak power, width and rise time at 23 degC, 20 kHz, as in figures 2.8 to 2.10; shaded: overheats at 80 kHz; "
+    "dashed: the working point found."
+)
+_DEGC = "Peak power, width and rise time at 290 V and 80 kHz, as in figures 2.11 and 2.12; dashed: the one found."
 
 
 def _readings(pulses: list[Pulse]) -> Readings:
     return Readings(Pulse._fields, np.array(pulses))
 
 
-def _draw_volts(figure: Figure, pulses: list[Pulse]) -> None:
+def _draw_volts(figure: Figure, pulses: list[Pulse], found_v: float) -> None:
     panels = figure.subplots(1, 3)
     volts = [p.drive_v for p in pulses]
     limit_v = (HEAT_LIMIT_V2HZ / WORK_HZ) ** 0.5
@@ -199,12 +205,13 @@ def _draw_volts(figure: Figure, pulses: list[Pulse]) -> None:
     ):
         axes.plot(volts, values, "o-", ms=4)
         axes.axvspan(limit_v, max(volts), color="0.9")
+        axes.axvline(found_v, color="0.4", ls="--", lw=1)
         axes.set(xlabel="supply voltage, V", ylabel=label)
         axes.set_ylim(bottom=0)
         axes.grid(alpha=0.3)
 
 
-def _draw_degc(figure: Figure, pulses: list[Pulse]) -> None:
+def _draw_degc(figure: Figure, pulses: list[Pulse], found_degc: float) -> None:
     left, right = figure.subplots(1, 2)
     degc = [p.degc for p in pulses]
     left.plot(degc, [p.peak_w for p in pulses], "o-", ms=4)
@@ -214,4 +221,5 @@ def _draw_degc(figure: Figure, pulses: list[Pulse]) -> None:
     right.set(xlabel="temperature, degC", ylabel="FWHM and rise time, ps", ylim=(0, None))
     right.legend(frameon=False)
     for axes in (left, right):
+        axes.axvline(found_degc, color="0.4", ls="--", lw=1)
         axes.grid(alpha=0.3)
