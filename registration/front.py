@@ -13,6 +13,7 @@ from registration.dissertation import DissertationSettings, solve_as_dissertatio
 from registration.errors import RegistrationError, StartError
 from registration.exclusion import excluded_regions
 from registration.model import Model
+from registration.response import weighted_by_response
 from registration.result import Registration
 from registration.robust import register_robust
 from registration.scan import checked_scan
@@ -53,7 +54,8 @@ def register(
     covariance : (N, 3, 3) array, optional
         Of the points, mm^2.
     response_mv : (N,) array, optional
-        Amplitude of each echo at the photodiode.
+        Amplitude of each echo at the photodiode. Without `covariance`, weak echoes count for less; with it, their
+        noise is known already.
     grid : (N, 2) array of int, optional
         Raster row and column of each point.
     method : {"robust", "dissertation"}
@@ -84,6 +86,8 @@ def register(
     if noise_mm is not None and not (np.isfinite(noise_mm) and noise_mm > 0):
         raise RegistrationError(f"noise_mm is {noise_mm}: give a positive number of mm, or leave it out")
     check_targets(targets)
+    if scan.covariance is None and scan.response_mv is not None:
+        scan = weighted_by_response(scan, noise_mm)
     regions = excluded_regions(exclude)
     from_start = start_pose(start)
     if method == "robust":
