@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from instrument.line_windows import LineWindows
+
 
 class Flag(enum.IntFlag):
     """What is known against a point; several may hold at once. The values are stored in recordings."""
@@ -59,6 +61,8 @@ class ScanLine:
         Sweeps in each sum.
     device_time_s : float
         Device time (s on the bench's clock) at which the line was begun.
+    windows : LineWindows or None
+        Raw windows in place of whole traces, if they are kept.
     """
 
     index: int
@@ -73,6 +77,7 @@ class ScanLine:
     sums: NDArray[np.unsignedinteger] | None
     sweeps: int
     device_time_s: float
+    windows: LineWindows | None = None
 
     @property
     def has_range(self) -> NDArray[np.bool_]:

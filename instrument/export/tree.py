@@ -1,9 +1,10 @@
-"""What HDF5 and Zarr hold alike: a tree of two groups, ``points`` and (if asked for) ``traces``.
+"""What HDF5 and Zarr hold alike: a tree of two groups, ``points`` and (if asked for) ``traces`` or ``windows``.
 
 ``points`` has the arrays of `instrument.export.npz`, one entry a place with a range. ``traces`` has one entry a place
 of the scan, with a range or not: ``sums`` (M, S) of the A/D codes over ``sweeps`` sweeps, ``row``, ``column`` and
 ``flags``. Its attributes give the axis and the scale: the k-th sample is taken at start_ps + step_ps * k and is
-(sums / sweeps - zero_code) * mv_per_code mV. The root carries the recording's header as JSON text.
+(sums / sweeps - zero_code) * mv_per_code mV. A scan in windows has the group of `instrument.export.windows` in its
+place. The root carries the recording's header as JSON text.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from instrument.export.errors import ExportError
+from instrument.export.windows import window_arrays
 from instrument.recording import Recording
 
 Arrays = dict[str, NDArray[np.generic]]
@@ -40,6 +42,9 @@ class Tree:
             make(points, name, values.shape, values.dtype)[...] = values
         if not self.traces:
             return
+        if self._windowed:
+            self._write_windows(root.create_group("windows"), make)
+            return
         group = root.create_group("traces")
         for name in ("start_ps", "step_ps", "zero_code", "mv_per_code"):
             group.attrs[name] = self.recording.trace[name]
@@ -53,11 +58,25 @@ class Tree:
         """Return whether a root group reads back as this tree."""
         if not all(_same(root["points"][name][...], values) for name, values in self.points.items()):
             return False
-        return not self.traces or all(
+        if not self.traces:
+            return True
+        if self._windowed:
+            return all(_same(root["windows"][name][...], values) for name, values in window_arrays(self.recording))
+        return all(
             _same(root["traces"][name][place], values)
             for place, arrays in self._blocks()
             for name, values in arrays.items()
         )
+
+    @property
+    def _windowed(self) -> bool:
+        return any(self.recording.line(index).windows is not None for index in self.recording.done[:1])
+
+    def _write_windows(self, group: Any, make: MakeArray) -> None:
+        for name in ("zero_code", "mv_per_code"):
+            group.attrs[name] = self.recording.trace[name]
+        for name, values in window_arrays(self.recording):
+            make(group, name, values.shape, values.dtype)[...] = values
 
     def _trace_shapes(self) -> dict[str, tuple[tuple[int, ...], np.dtype[Any]]]:
         first = next(self._blocks(), None)

@@ -16,11 +16,23 @@ from pathlib import Path
 from instrument.recording.errors import RecordingError, from_sqlite, primary_code
 
 APPLICATION_ID = 0x7069636F  # "pico"
-LAYOUT = 1
+LAYOUT = 2  # 1 had no table `window`
 _BUSY_S = 2.0
 _LONGEST_WAL_BYTES = 16_000_000
 
-SCHEMA = """
+_WINDOW_TABLE = """
+CREATE TABLE window (
+    k INTEGER PRIMARY KEY REFERENCES line(k) ON DELETE CASCADE,
+    n INTEGER NOT NULL,
+    samples INTEGER NOT NULL,
+    bytes_per_sum INTEGER NOT NULL,
+    crc32 INTEGER NOT NULL,
+    pieces BLOB NOT NULL,
+    data BLOB NOT NULL
+);
+"""
+SCHEMA = (
+    """
 CREATE TABLE scan (
     id INTEGER PRIMARY KEY CHECK (id = 1),
     header TEXT NOT NULL,
@@ -54,6 +66,8 @@ CREATE TABLE event (
     data TEXT NOT NULL
 );
 """
+    + _WINDOW_TABLE
+)
 
 
 def create_database(path: Path, header: str) -> sqlite3.Connection:
@@ -119,10 +133,17 @@ def open_database(path: Path, *, writing: bool) -> sqlite3.Connection:
     if writing:
         try:
             make_durable(connection)
+            if layout < LAYOUT:
+                _renew(connection)
         except sqlite3.Error as error:
             connection.close()
             raise from_sqlite(path, error) from error
     return connection
+
+
+def _renew(connection: sqlite3.Connection) -> None:
+    """Give a recording of layout 1 the table that it lacks, so that it can be gone on with."""
+    connection.executescript(f"BEGIN IMMEDIATE; {_WINDOW_TABLE} PRAGMA user_version={LAYOUT}; COMMIT;")
 
 
 def _open_known(path: Path, mode: str) -> tuple[sqlite3.Connection, int, int]:

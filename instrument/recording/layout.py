@@ -94,9 +94,7 @@ def encode_wave(index: int, sums: NDArray[np.unsignedinteger]) -> Wave:
         raise ValueError(f"sums must be an (N, S) array of unsigned integers, not {sums.dtype} {sums.shape}")
     rows, samples = sums.shape
     width = sums.dtype.itemsize
-    folded = _folded_steps(np.ascontiguousarray(sums, dtype=f"<u{width}"))
-    planes = np.ascontiguousarray(folded.view(np.uint8).reshape(-1, width).T)
-    data = _compressor().compress(planes.tobytes())
+    data = packed_sums(sums)
     return Wave(rows, samples, width, _wave_crc32(index, rows, samples, width, data), data)
 
 
@@ -110,16 +108,51 @@ def decode_wave(index: int, wave: Wave) -> NDArray[np.unsignedinteger]:
     """
     if _wave_crc32(index, wave.rows, wave.samples, wave.bytes_per_sum, wave.data) != wave.crc32:
         raise ValueError("the check sum of the traces does not fit")
-    size = wave.rows * wave.samples * wave.bytes_per_sum
-    try:
-        plain = zstandard.ZstdDecompressor().decompress(wave.data, max_output_size=size)
-    except zstandard.ZstdError as error:
-        raise ValueError(f"the traces cannot be decompressed ({error})") from error
-    if len(plain) != size:
-        raise ValueError(f"the traces have {len(plain)} bytes instead of {size}")
-    planes = np.frombuffer(plain, dtype=np.uint8).reshape(wave.bytes_per_sum, -1)
-    folded = np.ascontiguousarray(planes.T).view(f"<u{wave.bytes_per_sum}").reshape(wave.rows, wave.samples)
+    return unpacked_sums(wave.data, wave.rows, wave.samples, wave.bytes_per_sum)
+
+
+def packed_sums(sums: NDArray[np.unsignedinteger]) -> bytes:
+    """Compress (N, S) sums: folded steps along each row, low bytes first."""
+    width = sums.dtype.itemsize
+    folded = _folded_steps(np.ascontiguousarray(sums, dtype=f"<u{width}"))
+    planes = np.ascontiguousarray(folded.view(np.uint8).reshape(-1, width).T)
+    return compressed(planes.tobytes())
+
+
+def unpacked_sums(data: bytes, rows: int, samples: int, width: int) -> NDArray[np.unsignedinteger]:
+    """Return the sums (rows, samples) of ``width`` bytes each that `packed_sums` has compressed.
+
+    Raises
+    ------
+    ValueError
+        If the length does not fit.
+    """
+    plain = decompressed(data, rows * samples * width)
+    planes = np.frombuffer(plain, dtype=np.uint8).reshape(width, -1)
+    folded = np.ascontiguousarray(planes.T).view(f"<u{width}").reshape(rows, samples)
     return _sums_of(folded)
+
+
+def compressed(plain: bytes) -> bytes:
+    """Compress bytes with Zstandard."""
+    return _compressor().compress(plain)
+
+
+def decompressed(data: bytes, size: int) -> bytes:
+    """Return ``size`` bytes that `compressed` has compressed.
+
+    Raises
+    ------
+    ValueError
+        If it is another number of bytes, or not Zstandard.
+    """
+    try:
+        plain = zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+    except zstandard.ZstdError as error:
+        raise ValueError(f"the samples cannot be decompressed ({error})") from error
+    if len(plain) != size:
+        raise ValueError(f"the samples have {len(plain)} bytes instead of {size}")
+    return plain
 
 
 def _folded_steps(sums: NDArray[np.unsignedinteger]) -> NDArray[np.unsignedinteger]:

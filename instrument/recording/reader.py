@@ -38,6 +38,7 @@ class Reader:
         self._lock = threading.RLock()
         try:
             self.header = self._read_header()
+            self._raw = rows.SELECT_RAW[self._value("PRAGMA user_version")]
         except RecordingError:
             connection.close()
             raise
@@ -139,10 +140,10 @@ class Reader:
         try:
             with self._lock:
                 found = self._connection.execute(rows.SELECT_LINE, (index,)).fetchone()
-                wave = self._connection.execute(rows.SELECT_WAVE, (index,)).fetchone() if traces else None
+                raw = [self._connection.execute(query, (index,)).fetchone() if traces else None for query in self._raw]
             if found is None:
                 raise RecordingError(self.path, "the line is not in the recording", line=index)
-            return rows.unpack(found, wave)
+            return rows.unpack(rows.Rows(found, *raw))
         except sqlite3.Error as error:
             raise from_sqlite(self.path, error, line=index) from error
         except ValueError as error:

@@ -131,13 +131,15 @@ class Recording(Reader):
             raise RecordingError(self.path, f"the raster has the lines 0 to {self.raster['rows'] - 1}", line=line.index)
         acknowledged = line.device_time_s if acknowledged_at_s is None else acknowledged_at_s
         try:
-            line_row, wave_row = rows.pack(line, acknowledged)
+            packed = rows.pack(line, acknowledged)
         except ValueError as error:
             raise RecordingError(self.path, str(error), line=line.index) from error
         with self._transaction(line.index):
-            self._connection.execute(rows.INSERT_LINE, line_row)
-            if wave_row is not None:
-                self._connection.execute(rows.INSERT_WAVE, wave_row)
+            self._connection.execute(rows.INSERT_LINE, packed.line)
+            if packed.wave is not None:
+                self._connection.execute(rows.INSERT_WAVE, packed.wave)
+            if packed.window is not None:
+                self._connection.execute(rows.INSERT_WINDOW, packed.window)
         with self._lock:
             try:
                 checkpoint_if_long(self._connection, self.path)

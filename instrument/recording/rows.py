@@ -1,8 +1,9 @@
-"""Between a `ScanLine` and its rows in the tables ``line`` and ``wave``."""
+"""Between a `ScanLine` and its rows in the tables ``line``, ``wave`` and ``window``."""
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import astuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,18 +16,31 @@ from instrument.recording.layout import (
     points_blob,
     points_table,
 )
+from instrument.recording.window_layout import WindowRow, decode_windows, encode_windows
 from instrument.scan_line import ScanLine
 
 INSERT_LINE = (
     "INSERT INTO line (k, device_time_s, acknowledged_at_s, n, sweeps, crc32, points) VALUES (?, ?, ?, ?, ?, ?, ?)"
 )
 INSERT_WAVE = "INSERT INTO wave (k, rows, samples, bytes_per_sum, crc32, data) VALUES (?, ?, ?, ?, ?, ?)"
+INSERT_WINDOW = "INSERT INTO window (k, n, samples, bytes_per_sum, crc32, pieces, data) VALUES (?, ?, ?, ?, ?, ?, ?)"
 SELECT_LINE = "SELECT k, device_time_s, n, sweeps, crc32, points FROM line WHERE k = ?"
-SELECT_WAVE = "SELECT rows, samples, bytes_per_sum, crc32, data FROM wave WHERE k = ?"
+_SELECT_WAVE = "SELECT rows, samples, bytes_per_sum, crc32, data FROM wave WHERE k = ?"
+_SELECT_WINDOW = "SELECT n, samples, bytes_per_sum, crc32, pieces, data FROM window WHERE k = ?"
+SELECT_RAW = {1: (_SELECT_WAVE,), 2: (_SELECT_WAVE, _SELECT_WINDOW)}
+"""Queries for the raw samples of a line, by the layout of the file."""
 
 
-def pack(line: ScanLine, acknowledged_at_s: float) -> tuple[tuple[Any, ...], tuple[Any, ...] | None]:
-    """Return the row of ``line`` and, if the traces are kept, of ``wave``.
+class Rows(NamedTuple):
+    """The rows of a line in each table; None where it has nothing."""
+
+    line: tuple[Any, ...]
+    wave: tuple[Any, ...] | None
+    window: tuple[Any, ...] | None = None
+
+
+def pack(line: ScanLine, acknowledged_at_s: float) -> Rows:
+    """Return the row of ``line`` and, if raw samples are kept, of ``wave`` or ``window``.
 
     Raises
     ------
@@ -37,29 +51,32 @@ def pack(line: ScanLine, acknowledged_at_s: float) -> tuple[tuple[Any, ...], tup
     count, begun = len(line.columns), float(line.device_time_s)
     crc = line_crc32(line.index, count, line.sweeps, begun, blob)
     row = (line.index, begun, float(acknowledged_at_s), count, line.sweeps, crc, blob)
-    if line.sums is None:
-        return row, None
-    if len(line.sums) != count:
-        raise ValueError(f"{len(line.sums)} traces for {count} points")
-    wave = encode_wave(line.index, line.sums)
-    return row, (line.index, wave.rows, wave.samples, wave.bytes_per_sum, wave.crc32, wave.data)
+    wave_row = window_row = None
+    if line.sums is not None:
+        if len(line.sums) != count:
+            raise ValueError(f"{len(line.sums)} traces for {count} points")
+        wave_row = (line.index, *astuple(encode_wave(line.index, line.sums)))
+    if line.windows is not None:
+        window_row = (line.index, *astuple(encode_windows(line.index, line.windows)))
+    return Rows(row, wave_row, window_row)
 
 
-def unpack(row: tuple[Any, ...], wave_row: tuple[Any, ...] | None) -> ScanLine:
-    """Return the line of a row of ``line`` and, if given, of ``wave``.
+def unpack(rows: Rows) -> ScanLine:
+    """Return the line of its rows, as the queries here give them.
 
     Raises
     ------
     ValueError
         If a check sum or a length does not fit.
     """
-    index, begun, count, sweeps, crc, blob = row
+    index, begun, count, sweeps, crc, blob = rows.line
     if line_crc32(index, count, sweeps, begun, blob) != crc:
         raise ValueError("the check sum of the points does not fit")
     if len(blob) != count * POINT.itemsize:
         raise ValueError(f"{len(blob)} bytes for {count} points of {POINT.itemsize} bytes")
     table = points_table(blob)
-    sums = None if wave_row is None else decode_wave(index, Wave(*wave_row))
+    sums = None if rows.wave is None else decode_wave(index, Wave(*rows.wave))
+    windows = None if rows.window is None else decode_windows(index, WindowRow(*rows.window))
 
     def column(name: str) -> Any:
         return np.ascontiguousarray(table[name].astype(table[name].dtype.newbyteorder("=")))
@@ -77,4 +94,5 @@ def unpack(row: tuple[Any, ...], wave_row: tuple[Any, ...] | None) -> ScanLine:
         sums=sums,
         sweeps=sweeps,
         device_time_s=begun,
+        windows=windows,
     )

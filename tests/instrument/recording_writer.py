@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from instrument.line_windows import LineWindows
 from instrument.recording import Recording
 from instrument.scan_line import ScanLine
 
@@ -17,8 +18,9 @@ ROWS, COLUMNS, SAMPLES = 100_000, 40, 300
 
 
 def make_line(index: int, columns: int = COLUMNS, samples: int = SAMPLES) -> ScanLine:
-    """Return the line that every program makes of this index."""
+    """Return the line that every program makes of this index: with whole traces, and every third one with windows."""
     rng = np.random.default_rng(index)
+    in_windows = index % 3 == 2
     return ScanLine(
         index=index,
         columns=np.arange(columns, dtype=np.int32),
@@ -29,9 +31,27 @@ def make_line(index: int, columns: int = COLUMNS, samples: int = SAMPLES) -> Sca
         range_variance_mm2=rng.normal(size=columns),
         response_mv=rng.normal(size=columns),
         flags=np.zeros(columns, dtype=np.uint16),
-        sums=rng.integers(0, 2040, (columns, samples)).astype(np.uint16),
+        sums=None if in_windows else rng.integers(0, 2040, (columns, samples)).astype(np.uint16),
         sweeps=8,
         device_time_s=float(index),
+        windows=make_windows(rng, columns, samples // 2) if in_windows else None,
+    )
+
+
+def make_windows(rng: np.random.Generator, columns: int, longest: int) -> LineWindows:
+    """Return the raw windows of a line: each place once, and two of them again."""
+    again = np.arange(min(2, columns))
+    records = columns + len(again)
+    samples = rng.integers(12, max(13, longest), (records, 2)).astype(np.int32)
+    return LineWindows(
+        columns=np.concatenate([np.arange(columns), again]).astype(np.int32),
+        retaken=np.arange(records) >= columns,
+        clipped=rng.random(records) < 0.1,
+        start_fs=rng.integers(0, 4_000_000_000, (records, 2)),
+        step_fs=rng.integers(1000, 100_000, (records, 2)),
+        samples=samples,
+        sweeps=rng.integers(1, 9, (records, 2)).astype(np.int32),
+        sums=rng.integers(0, 2040, samples.sum()).astype(np.uint16),
     )
 
 
