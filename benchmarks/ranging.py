@@ -39,6 +39,7 @@ from instrument.ranging import (
     fit_walk,
     learn,
     range_bound_mm2,
+    with_retaken,
 )
 from instrument.raster import Raster
 from instrument.scan_line import SUSPECT
@@ -247,7 +248,7 @@ class WindowedScan:
             ranges, true_mm = self._take(codes, places)
             again = planner.lost(places, ranges)
             if len(again):
-                ranges = planner.merged(ranges, again, self._take(codes[again], planner.wide(again))[0])
+                ranges = with_retaken(ranges, again, self._take(codes[again], planner.wide(again))[0])
                 self.retaken += len(again)
             planner.learn(ranges)
             lines.append(ranges)

@@ -1,17 +1,21 @@
-"""Range a recording again, from its raw traces, with another estimator or another calibration."""
+"""Range a recording again, from its raw traces or windows, with another estimator or another calibration."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from instrument.calibration import Calibration, Method
 from instrument.errors import BadInput
-from instrument.ranging import estimate
+from instrument.ranging import Ranges, estimate
 from instrument.recording import Recording
-from instrument.scan import to_scan_line
-from instrument.scan_line import ScanLine
+from instrument.scan_line import Flag, ScanLine
+from instrument.scan_points import to_scan_line
+from instrument.window_ranging import CodeScale, range_line
 
 
 def rerange(
@@ -27,7 +31,7 @@ def rerange(
     Parameters
     ----------
     source, target : Path
-        Recording with raw traces; recording to make.
+        Recording with raw traces or windows; recording to make.
     method : {"half-maximum", "template"}, optional
         Estimator; the recording's own by default.
     calibration : Calibration, optional
@@ -38,7 +42,8 @@ def rerange(
     Raises
     ------
     BadInput
-        When the recording holds no raw traces, or the calibration lacks what the estimator needs.
+        When the recording holds no raw samples, windows are to be ranged by another estimator than ``template``, or
+        the calibration lacks what the estimator needs.
     RecordingError
         When the source is damaged or the target exists.
     """
@@ -59,22 +64,42 @@ def rerange(
 
 
 def _range_line(recording: Recording, line: ScanLine, method: Method, calibration: Calibration) -> ScanLine:
-    if line.sums is None:
-        raise BadInput(
-            f"{recording.path}: line {line.index} has no raw traces; only scans that keep them can be reranged"
-        )
-    ranges = estimate(
-        recording.traces_mv(line), recording.times_ps, method=method, calibration=calibration, sweeps=line.sweeps
-    )
+    ranges = _ranges_of(recording, line, method, calibration)
+    # Whether the target moved is known from looks at one place, which are not in the line.
+    flags = ranges.flags | (line.flags & np.uint16(Flag.MOTION))
     return to_scan_line(
         line.index,
         line.columns,
         line.angles_rad,
-        ranges,
+        replace(ranges, flags=flags),
         calibration,
         sums=line.sums,
+        windows=line.windows,
         sweeps=line.sweeps,
         began_s=line.device_time_s,
+    )
+
+
+def _ranges_of(recording: Recording, line: ScanLine, method: Method, calibration: Calibration) -> Ranges:
+    if line.windows is not None:
+        if method != "template":
+            raise BadInput(
+                f"{recording.path}: was scanned in windows, which show the edges of the pulses alone; "
+                f"{method} needs whole traces, use template"
+            )
+        scale = CodeScale(recording.trace["zero_code"], recording.trace["mv_per_code"])
+        return range_line(line.columns, line.windows, scale, calibration)
+    if line.sums is None:
+        raise BadInput(
+            f"{recording.path}: line {line.index} has no raw samples; only scans that keep them can be ranged again"
+        )
+    return estimate(
+        recording.traces_mv(line),
+        recording.times_ps,
+        method=method,
+        calibration=calibration,
+        sweeps=line.sweeps,
+        clipped=(line.flags & np.uint16(Flag.CLIPPED)) != 0,
     )
 
 

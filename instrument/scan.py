@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,57 +11,16 @@ from numpy.typing import NDArray
 
 from drivers.clock import Clock
 from drivers.interfaces import Galvo, Identity, Record, Sampler, SweepSettings
-from instrument.calibration import Calibration
+from instrument.calibration import Calibration, Method
 from instrument.controller import Between
-from instrument.errors import BadInput
-from instrument.geometry import covariance_from, points_from, true_angles
+from instrument.motion import MotionWatch
 from instrument.ranging import Ranges, estimate
-from instrument.raster import LinePlan, Raster
-from instrument.scan_line import ScanLine
+from instrument.scan_line import Flag, ScanLine
+from instrument.scan_points import to_scan_line
+from instrument.scan_raster import raster_of as raster_of
 from instrument.settings import Settings
 
-BYTES_PER_SAMPLE = 64  # of a line in memory: codes, the trace in mV and what ranging needs beside it
-MOST_LINE_BYTES = 1_000_000_000
 POINT_BYTES = 256  # of a place on the disk, without its trace
-
-
-def raster_of(settings: Settings, calibration: Calibration) -> Raster:
-    """Lay the raster of the settings out for a calibrated scanner.
-
-    Raises
-    ------
-    LimitError
-        When it does not fit into the scanner's span.
-    BadInput
-        When one of its lines does not fit into memory.
-    """
-    _refuse_enormous_lines(settings)
-    scan = settings.scan
-    return Raster(
-        rows=scan.rows,
-        columns=scan.columns,
-        step_mm=scan.step_mm,
-        distance_mm=scan.distance_mm,
-        field_deg=settings.scanner.field_deg,
-        separation_mm=calibration.mirror_separation_mm,
-        errors=calibration.scanner,
-    )
-
-
-def _refuse_enormous_lines(settings: Settings) -> None:
-    """Refuse lines whose traces do not fit into memory while they are ranged, with the number.
-
-    Raises
-    ------
-    BadInput
-    """
-    columns, samples = settings.scan.columns, settings.sampler.samples
-    needed = columns * samples * BYTES_PER_SAMPLE
-    if needed > MOST_LINE_BYTES:
-        raise BadInput(
-            f"a line of {columns} places with {samples} samples each needs about {needed / 1e9:.1f} GB of memory "
-            f"to be ranged, more than {MOST_LINE_BYTES / 1e9:.0f} GB; take fewer columns or samples"
-        )
 
 
 class RasterScan:
@@ -98,6 +58,9 @@ class RasterScan:
         self.raster = raster_of(settings, calibration)
         self._rows = range(settings.scan.rows) if rows is None else rows
         self._reference: tuple[float, float | None] = (0.0, None)
+        look_s, line_s = self._times_s()
+        pointing_sd_mm = calibration.pointing_sd_rad * settings.scan.distance_mm
+        self._watch = MotionWatch(settings.scan.rows, look_s, line_s, pointing_sd_mm)
         self.shots = 0
 
     @property
@@ -156,11 +119,13 @@ class RasterScan:
         }
 
     def memory(self) -> dict[str, Any]:
-        """Get what the next line needs to know of those before: nothing in whole sweeps."""
-        return {}
+        """Get what the next line needs to know of those before."""
+        return {"motion": self._watch.memory()}
 
     def recall(self, memory: Mapping[str, Any]) -> None:
-        """Go on from a `memory`: nothing to do in whole sweeps."""
+        """Go on from a `memory`."""
+        if "motion" in memory:  # recordings of earlier versions have none
+            self._watch.recall(memory["motion"])
 
     def run_id(self, row: int, column: int) -> int:
         """Get the run id of a place: its number in the raster, from 1."""
@@ -183,103 +148,73 @@ class RasterScan:
         """
         plan = self.raster.line(row)
         began_s = self.clock.now()
-        scanner = self.settings.scanner
         between()
         # Every line is approached in the same way, by the centre: where the beam was before leaves no trace in it.
-        for x_code, y_code in ((galvo.codes // 2, galvo.codes // 2), plan.lead_in):
-            galvo.move(int(x_code), int(y_code))
-            self.clock.sleep(scanner.flyback_settle_ms * 1e-3)
+        self._fly_to(plan.lead_in, galvo)
         records: list[Record] = []
         for column, (x_code, y_code) in zip(plan.columns, plan.codes, strict=True):
             between()
             galvo.move(int(x_code), int(y_code))
-            self.clock.sleep(scanner.settle_ms * 1e-3)
+            self.clock.sleep(self.settings.scanner.settle_ms * 1e-3)
             records += sampler.take(self.run_id(row, int(column)))
         self.shots += len(records) * self.sweep.averages * self.sweep.samples
-        return self._line(plan, records, began_s)
+        ranges, sums = self._ranges_of(records, self.settings.scan.estimator)
+        ranges = self._watched(row, ranges, self._look(row, galvo, sampler, between))
+        kept = sums if self.settings.scan.keep_traces else None
+        self._note_reference(ranges)
+        return to_scan_line(
+            row, plan.columns, plan.angles_rad, ranges, self.calibration,
+            sums=kept, sweeps=records[0].sweeps, began_s=began_s,
+        )  # fmt: skip
 
-    def _line(self, plan: LinePlan, records: Sequence[Record], began_s: float) -> ScanLine:
+    def _fly_to(self, codes: NDArray[np.int64], galvo: Galvo) -> None:
+        for x_code, y_code in ((galvo.codes // 2, galvo.codes // 2), codes):
+            galvo.move(int(x_code), int(y_code))
+            self.clock.sleep(self.settings.scanner.flyback_settle_ms * 1e-3)
+
+    def _look(self, row: int, galvo: Galvo, sampler: Sampler, between: Between) -> Ranges | None:
+        """Measure the place that is watched, if it is its turn; as a run of its own after those of the raster."""
+        if self._watch.place is None or not self._watch.due:
+            return None
+        between()
+        watched_row, column = self._watch.place
+        self._fly_to(self.raster.line(watched_row).codes[column], galvo)
+        records = sampler.take(self.run_id(self.settings.scan.rows + row, 0))
+        self.shots += self.sweep.averages * self.sweep.samples
+        # The template tells smaller motions; how the scan itself is ranged makes no difference to this.
+        found, _ = self._ranges_of(list(records), "template" if self.calibration.templates else "half-maximum")
+        return found
+
+    def _watched(self, row: int, ranges: Ranges, look: Ranges | None) -> Ranges:
+        """Take the look at the watched place in, and flag the line if the target has moved."""
+        self._watch.line_done(row, ranges, self.settings.scan.step_mm, look)
+        if not self._watch.moved:
+            return ranges
+        return replace(ranges, flags=ranges.flags | np.uint16(Flag.MOTION))
+
+    def _times_s(self) -> tuple[float, float]:
+        """Get how long a look at the watched place takes, and a line."""
+        scanner, sweep = self.settings.scanner, self.sweep
+        record_s = sweep.averages * (sweep.settle_shots + sweep.samples) / sweep.prf_hz
+        fly_s = 2e-3 * scanner.flyback_settle_ms
+        return fly_s + record_s, fly_s + self.settings.scan.columns * (scanner.settle_ms * 1e-3 + record_s)
+
+    def _ranges_of(self, records: Sequence[Record], method: Method) -> tuple[Ranges, NDArray[np.unsignedinteger]]:
         first = records[0]
         sums = np.stack([record.sums for record in records])
         ranges = estimate(
             (sums / first.sweeps - first.zero_code) * first.mv_per_code,
             first.times_ps,
-            method=self.settings.scan.estimator,
+            method=method,
             calibration=self.calibration,
             sweeps=first.sweeps,
             clipped=np.array([record.clipped for record in records]),
         )
-        return self._scan_line(plan, ranges, sums if self.settings.scan.keep_traces else None, first.sweeps, began_s)
+        return ranges, sums
 
-    def _scan_line(
-        self,
-        plan: LinePlan,
-        ranges: Ranges,
-        sums: NDArray[np.unsignedinteger] | None,
-        sweeps: int,
-        began_s: float,
-    ) -> ScanLine:
-        """Put ranges into space, and note how the reference was."""
+    def _note_reference(self, ranges: Ranges) -> None:
         there = np.isfinite(ranges.reference_mv)
         if 2 * np.count_nonzero(there) >= len(there):
             self._reference = float(ranges.reference_mv[there].min()), float(np.median(ranges.reference_ps[there]))
         else:
             self._reference = (0.0, None)
-        return to_scan_line(
-            plan.row,
-            plan.columns,
-            plan.angles_rad,
-            ranges,
-            self.calibration,
-            sums=sums,
-            sweeps=sweeps,
-            began_s=began_s,
-        )
-
-
-def to_scan_line(
-    row: int,
-    columns: NDArray[np.int32],
-    angles_rad: NDArray[np.float64],
-    ranges: Ranges,
-    calibration: Calibration,
-    *,
-    sums: NDArray[np.unsignedinteger] | None,
-    sweeps: int,
-    began_s: float,
-) -> ScanLine:
-    """Put the ranges of a line into space.
-
-    Parameters
-    ----------
-    row : int
-    columns : (N,) int array
-    angles_rad : (N, 2) float array
-        Optical angles as asked for; the scanner's errors of the calibration are applied.
-    ranges : Ranges
-        Of N places.
-    calibration : Calibration
-    sums : (N, S) array or None
-        Raw traces to keep.
-    sweeps : int
-    began_s : float
-        Device time at which the line was begun.
-    """
-    true_rad = true_angles(angles_rad, calibration.scanner)
-    separation_mm = calibration.mirror_separation_mm
-    return ScanLine(
-        index=row,
-        columns=columns,
-        angles_rad=angles_rad,
-        points_mm=points_from(true_rad, ranges.range_mm, separation_mm),
-        covariance_mm2=covariance_from(
-            true_rad, ranges.range_mm, ranges.variance_mm2, calibration.pointing_sd_rad, separation_mm
-        ),
-        range_mm=ranges.range_mm,
-        range_variance_mm2=ranges.variance_mm2,
-        response_mv=ranges.response_mv,
-        flags=ranges.flags,
-        sums=sums,
-        sweeps=sweeps,
-        device_time_s=began_s,
-    )

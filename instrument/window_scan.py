@@ -7,7 +7,6 @@ the place is taken again with a wide window, in a short path of its own.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Protocol, runtime_checkable
 
@@ -16,29 +15,27 @@ from numpy.typing import ArrayLike, NDArray
 
 from drivers import sbp
 from drivers.clock import Clock
-from drivers.interfaces import Galvo, Sampler, WindowRecord
+from drivers.interfaces import Galvo, Identity, Sampler, WindowRecord
 from instrument.calibration import Calibration
 from instrument.controller import Between
 from instrument.errors import BadInput
-from instrument.ranging.ranges import Ranges
-from instrument.ranging.window import Place, Window
-from instrument.ranging.window_plan import PlanSettings, WindowPlanner
-from instrument.ranging.windowed import estimate_places
+from instrument.galvo_path import Stop, lay_path
+from instrument.line_windows import LineWindows
+from instrument.ranging import Place, PlanSettings, Window, WindowPlanner
 from instrument.scan import POINT_BYTES, RasterScan
 from instrument.scan_line import ScanLine
+from instrument.scan_points import to_scan_line
 from instrument.settings import Settings
+from instrument.window_ranging import CodeScale, range_line, range_windows
 
 IntArray = NDArray[np.int64]
 
-FINEST_HZ = 10_000  # points a second of a path; more would take longer to send than they save
-COARSEST_HZ = 1000
-LONGEST_PATH = 4000  # points that the galvo controller holds
-SPARE_S = 5e-5  # four shots at 80 kHz between the end of a record and the next mark: an edge inside a record is lost
+LOOK_S = 6e-3  # on the place that is watched: record and settling
 
 
 @runtime_checkable
 class PathGalvo(Galvo, Protocol):
-    """A galvo controller that plays a path by itself."""
+    """A galvo controller that plays a path by itself, once the whole of it is there."""
 
     def play(self, xy: ArrayLike, marked: ArrayLike, rate_hz: int) -> None:
         """Play (n, 2) codes once at ``rate_hz`` points a second, with the marker line high where marked."""
@@ -70,7 +67,7 @@ class WindowScan(RasterScan):
     """The raster of the settings in ``window`` mode, ranged by the template estimator.
 
     The run id of a line is its row + 1, and the record number the column; places taken again are records of the run
-    ``rows + row + 1``.
+    ``rows + row + 1``. A look at the place that is watched for motion is the last record of its line.
 
     Parameters
     ----------
@@ -100,8 +97,19 @@ class WindowScan(RasterScan):
 
     @property
     def line_bytes(self) -> int:
-        """Get the most that one line takes on the disk; the samples of windows are not kept."""
-        return self.settings.scan.columns * POINT_BYTES
+        """Get the most that one line takes on the disk (its samples not compressed, every place taken again)."""
+        samples = 0
+        if self.settings.scan.keep_traces:
+            (wide,) = self._planner.wide([0])
+            samples = 2 * (wide.reference.samples + wide.echo.samples)
+        return self.settings.scan.columns * (POINT_BYTES + 2 * samples)
+
+    def header(
+        self, identities: Mapping[str, Identity], *, seed: int | None, zero_code: float, mv_per_code: float
+    ) -> dict[str, Any]:
+        """Get the header of the recording; windows are ranged by the template estimator whatever the settings say."""
+        header = super().header(identities, seed=seed, zero_code=zero_code, mv_per_code=mv_per_code)
+        return {**header, "raster": {**header["raster"], "estimator": "template"}}
 
     def configure(self, sampler: Sampler) -> None:
         """Tell the sampler that records are taken in windows, at the edges of its advance input."""
@@ -112,10 +120,11 @@ class WindowScan(RasterScan):
 
     def memory(self) -> dict[str, Any]:
         """Get what the next line is planned from."""
-        return self._planner.memory()
+        return {**super().memory(), **self._planner.memory()}
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         """Go on as if the lines before had just been taken."""
+        super().recall(memory)
         self._planner.recall(memory)
 
     def take_line(self, row: int, galvo: Galvo, sampler: Sampler, between: Between) -> ScanLine:
@@ -124,78 +133,79 @@ class WindowScan(RasterScan):
         began_s = self.clock.now()
         galvo.move(int(plan.lead_in[0]), int(plan.lead_in[1]))  # settles while the line is planned and sent
         places = self._planner.line()
-        ranges = self._ranges(row + 1, (plan.lead_in, plan.codes), places, began_s, galvo, sampler, between)
+        scanner = self.settings.scanner
+        stops = [self._stop(*stop, scanner.window_settle_ms) for stop in zip(plan.codes, places, strict=True)]
+        look = self._look_at()
+        if look is not None:
+            stops.append(self._stop(*look, scanner.window_flyback_ms))
+        seen = [*places, *([look[1]] if look else [])]
+        taken, scale = self._take(row + 1, plan.lead_in, stops, seen, began_s, galvo, sampler, between)
+        first, last = taken[: len(places)], taken[len(places) :]
+        windows = LineWindows.of(plan.columns, first, _forms(places), retaken=False)
+        ranges = range_windows(windows, scale, self.calibration)
         lost = self._planner.lost(places, ranges)
         if lost.size:
             wide = self._planner.wide(lost)
-            again = (plan.codes[lost[0]], plan.codes[lost])
-            run_id = self.settings.scan.rows + row + 1
-            retaken = self._ranges(run_id, again, wide, self.clock.now(), galvo, sampler, between)
-            ranges = self._planner.merged(ranges, lost, retaken)
+            stops = [self._stop(*stop, scanner.window_settle_ms) for stop in zip(plan.codes[lost], wide, strict=True)]
+            run_id, left_s = self.settings.scan.rows + row + 1, self.clock.now()
+            again, _ = self._take(run_id, plan.codes[lost[0]], stops, wide, left_s, galvo, sampler, between)
+            windows = windows.followed_by(LineWindows.of(plan.columns[lost], again, _forms(wide), retaken=True))
+            ranges = range_line(plan.columns, windows, scale, self.calibration)
         self._planner.learn(ranges)
-        return self._scan_line(plan, ranges, None, max(p.echo.sweeps for p in places), began_s)
+        looked = None
+        if look is not None:
+            looked = range_windows(LineWindows.of([0], last, _forms([look[1]]), retaken=False), scale, self.calibration)
+        ranges = self._watched(row, ranges, looked)
+        self._note_reference(ranges)
+        return to_scan_line(
+            row, plan.columns, plan.angles_rad, ranges, self.calibration,
+            windows=windows if self.settings.scan.keep_traces else None,
+            sweeps=max(p.echo.sweeps for p in places), began_s=began_s,
+        )  # fmt: skip
 
-    def _ranges(
+    def _look_at(self) -> tuple[IntArray, Place] | None:
+        """Return codes and windows of the place that is watched, if it is its turn."""
+        if self._watch.place is None or not self._watch.due:
+            return None
+        row, column = self._watch.place
+        echo_ps, response_mv = self._watch.seen
+        return self.raster.line(row).codes[column], self._planner.look(echo_ps, response_mv)
+
+    def _stop(self, codes: IntArray, place: Place, settle_ms: float) -> Stop:
+        """Return the stop of a path at a place; the reference is taken while the mirrors settle."""
+        settle_shots, prf_hz = self.settings.scanner.window_settle_shots, self.settings.pulser.prf_hz
+        wait_s = max(0.0, settle_ms * 1e-3 - place.reference.shots(settle_shots) / prf_hz)
+        return Stop(codes, wait_s, place.shots(settle_shots) / prf_hz)
+
+    def _take(
         self,
         run_id: int,
-        path: tuple[IntArray, IntArray],
+        lead_in: IntArray,
+        stops: Sequence[Stop],
         places: Sequence[Place],
         left_s: float,
         galvo: Galvo,
         sampler: Sampler,
         between: Between,
-    ) -> Ranges:
-        lead_in, codes = path
+    ) -> tuple[list[WindowRecord], CodeScale]:
+        """Take one record at each stop; the mirrors have been on their way to the lead-in since ``left_s``."""
         if not isinstance(galvo, PathGalvo):
             raise BadInput("this galvo controller plays no paths; scan in mode sweep")
         between()
-        # The mirrors have been on their way to the lead-in since left_s; only the rest of their time is waited for.
         lead_s = max(0.0, self.settings.scanner.window_flyback_ms * 1e-3 - (self.clock.now() - left_s))
-        xy, marked, rate_hz = self._path(lead_in, codes, places, lead_s)
+        path = lay_path(lead_in, lead_s, stops)
         table = [[_entry(place.reference), _entry(place.echo)] for place in places]
-        run = _windows_of(sampler).take_windows(run_id, table, begin=lambda: galvo.play(xy, marked, rate_hz))
-        records = list(run)
+        records = list(_windows_of(sampler).take_windows(run_id, table, begin=lambda: galvo.play(*path)))
         self.shots += sum(place.shots(0) for place in places)
-        return estimate_places(
-            places,
-            [(r.windows[0].trace_mv, r.windows[1].trace_mv) for r in records],
-            calibration=self.calibration,
-            clipped=np.array([any(w.clipped for w in r.windows) for r in records]),
-            shared_reference=True,
-        )
+        first = records[0].windows[0]
+        return records, CodeScale(first.zero_code, first.mv_per_code)
 
-    def _path(
-        self, lead_in: IntArray, codes: IntArray, places: Sequence[Place], lead_s: float
-    ) -> tuple[IntArray, NDArray[np.bool_], int]:
-        """Lay the path of a line out: lead-in, then each place until its record is done.
-
-        Returns
-        -------
-        xy : (n, 2) int array
-        marked : (n,) bool array
-        rate_hz : int
-        """
-        scanner, prf_hz = self.settings.scanner, self.settings.pulser.prf_hz
-        settle_s = scanner.window_settle_ms * 1e-3
-        waits_s, records_s = [], []
-        for place in places:
-            reference_s = place.reference.shots(scanner.window_settle_shots) / prf_hz
-            waits_s.append(max(0.0, settle_s - reference_s))
-            records_s.append(place.shots(scanner.window_settle_shots) / prf_hz + SPARE_S)
-        total_s = lead_s + sum(waits_s) + sum(records_s)
-        rate_hz = min(FINEST_HZ, int((LONGEST_PATH - 2 * len(places) - 1) / total_s))
-        if rate_hz < COARSEST_HZ:
-            raise BadInput(f"{len(places)} places take {total_s:.2f} s, too long for one path; scan fewer columns")
-        counts = [max(1, math.ceil(lead_s * rate_hz))]
-        marks = []
-        for wait_s, record_s in zip(waits_s, records_s, strict=True):
-            before = math.ceil(wait_s * rate_hz)
-            marks.append(sum(counts) + before)
-            counts.append(before + math.ceil(record_s * rate_hz))
-        xy = np.repeat(np.vstack([lead_in, codes]), counts, axis=0)
-        marked = np.zeros(len(xy), dtype=np.bool_)
-        marked[marks] = True
-        return xy, marked, rate_hz
+    def _times_s(self) -> tuple[float, float]:
+        """Get how long a look at the watched place takes, and a line at least."""
+        scanner = self.settings.scanner
+        fly_s = scanner.window_flyback_ms * 1e-3
+        free_s = 2 * scanner.window_settle_ms * 1e-3  # settling, and about as long on the echo
+        return fly_s + LOOK_S, fly_s + self.settings.scan.columns * free_s
 
 
 def _windows_of(sampler: Sampler) -> WindowSampler:
@@ -207,3 +217,9 @@ def _windows_of(sampler: Sampler) -> WindowSampler:
 def _entry(window: Window) -> sbp.Window:
     """Turn a window of the plan into an entry of the device's table (integer femtoseconds)."""
     return sbp.Window(round(window.start_ps * 1000), round(window.step_ps * 1000), window.samples, window.sweeps)
+
+
+def _forms(places: Sequence[Place]) -> list[list[tuple[int, int]]]:
+    """Return start and step (fs) of the windows of places, as the device is told."""
+    entries = [(_entry(place.reference), _entry(place.echo)) for place in places]
+    return [[(entry.start_fs, entry.step_fs) for entry in pair] for pair in entries]

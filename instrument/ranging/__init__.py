@@ -12,9 +12,10 @@ from instrument.ranging.ranges import SPEED_OF_LIGHT_MM_PER_PS, Ranges
 from instrument.ranging.settings import RangingSettings
 from instrument.ranging.walk import fit_walk
 from instrument.ranging.window import Place, Window
-from instrument.ranging.window_plan import PlanSettings, WindowPlanner
+from instrument.ranging.window_choice import PlanSettings
+from instrument.ranging.window_plan import WindowPlanner
 from instrument.ranging.window_traces import WindowTraces
-from instrument.ranging.windowed import estimate_places, estimate_windows
+from instrument.ranging.windowed import estimate_places, estimate_windows, with_retaken
 
 __all__ = [
     "SPEED_OF_LIGHT_MM_PER_PS",
@@ -34,4 +35,5 @@ __all__ = [
     "fit_walk",
     "learn",
     "range_bound_mm2",
+    "with_retaken",
 ]

@@ -6,8 +6,7 @@ A whole line runs without the host (advance input), so its windows are chosen be
 * the echo is expected where the line before saw it in the same column, continued by the step from the line before that;
   the margin grows with the differences to the neighbours;
 * places of the first line, places without a neighbour that had an echo, and places taken again get a wide window over
-the
-  whole working range. With a step of a tenth of the rise time and more, that costs little more than a narrow one.
+  the whole working range. With a step of a tenth of the rise time and more, that costs little more than a narrow one.
 
 Step, samples and sweeps are the cheapest ones that promise the wanted uncertainty at the response seen.
 """
@@ -26,72 +25,18 @@ from instrument.calibration import Calibration
 from instrument.errors import BadInput
 from instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, Ranges
 from instrument.ranging.template import shapes_of
-from instrument.ranging.window import Place, Window, promised_sd_mm
+from instrument.ranging.window import Place, Window
+from instrument.ranging.window_choice import PlanSettings, cheapest_windows
 from instrument.scan_line import NO_RANGE, Flag
 
 FloatArray = NDArray[np.float64]
 
-FOOT_PS, TOP_PS = 180.0, 240.0  # from before the rise to behind the peak
 MARGINS_PS = (30.0, 60.0, 120.0, 240.0)
 REFERENCE_MARGIN_PS = 20.0
 LEAST_RESPONSE_MV = 3.0
-COARSEST_PS = 40.0
+LOOK_SD = 0.6  # of the wanted uncertainty
 NEAR, LEAST_SHARE = 4, 0.75  # response against the median of the places near by
 RETRY = Flag.NO_ECHO | Flag.NO_REFERENCE | Flag.MIXED
-
-
-@dataclass(frozen=True)
-class PlanSettings:
-    """What the planner aims at.
-
-    Attributes
-    ----------
-    wanted_sd_mm : float
-        Standard deviation that each range is to have.
-    nearest_mm, farthest_mm : float
-        Where echoes are looked for: the working range, and some room behind it for what stands behind the target.
-    settle_shots : int
-        Shots that the device throws away before each sweep; they count as cost.
-    steps_ps : tuple of floats
-        Steps to choose from, coarse to fine.
-    sweeps : tuple of ints
-        Numbers of sweeps to choose from, rising. One step and one number make the shots fixed.
-    shared_reference : bool
-        Whether the ranges of a line will share their reference; a few shots on it are then enough.
-    first_response_mv : float
-        Response to plan for while none has been seen.
-
-    Raises
-    ------
-    BadInput
-        When a value makes no sense, or a step is too coarse for the edges.
-    free_shots : int
-        Shots on the reference that cost no time, because the mirrors settle meanwhile.
-    """
-
-    wanted_sd_mm: float = 0.2
-    nearest_mm: float = 620.0
-    farthest_mm: float = 1200.0
-    settle_shots: int = 16
-    steps_ps: tuple[float, ...] = (26.8, 20.1, 13.4, 10.0, 6.7, 5.0)
-    sweeps: tuple[int, ...] = (1, 2, 3, 4, 6, 8)
-    shared_reference: bool = True
-    first_response_mv: float = 30.0
-
-    def __post_init__(self) -> None:
-        if not (self.wanted_sd_mm > 0 and 0 < self.nearest_mm < self.farthest_mm and self.first_response_mv > 0):
-            raise BadInput(
-                f"windows cannot be planned for {self.wanted_sd_mm:g} mm from {self.nearest_mm:g} to "
-                f"{self.farthest_mm:g} mm at {self.first_response_mv:g} mV; all must be positive, and the range rise"
-            )
-        if not (self.steps_ps and self.sweeps and min(self.steps_ps) > 0 and min(self.sweeps) >= 1):
-            raise BadInput("the planner needs at least one step above 0 ps and one number of sweeps of 1 or more")
-        if max(self.steps_ps) > COARSEST_PS:
-            raise BadInput(
-                f"a step of {max(self.steps_ps):g} ps is too coarse for edges of 210 ps; at most {COARSEST_PS:g} ps"
-            )
-
-    free_shots: int = 0
 
 
 @dataclass
@@ -139,6 +84,20 @@ class WindowPlanner:
         reference = self._calibrated_reference()
         return [self._place(np.nan, np.nan, float(response[c]), reference) for c in columns]
 
+    def look(self, echo_ps: float, response_mv: float) -> Place:
+        """Return the windows for a look at a place that was seen before, with about half of the usual uncertainty and
+        a reference of its own."""
+        reference_ps, reference_margin_ps = self._reference
+        windows = cheapest_windows(
+            replace(self.settings, wanted_sd_mm=LOOK_SD * self.settings.wanted_sd_mm),
+            self.calibration,
+            reference_margin_ps=reference_margin_ps,
+            margin_ps=MARGINS_PS[-2],
+            response_mv=response_mv,
+            sharing=1,
+        )
+        return Place(_at(windows[0], reference_ps), _at(windows[1], echo_ps), wide=False)
+
     def lost(self, places: Sequence[Place], ranges: Ranges) -> NDArray[np.intp]:
         """Return the columns to be taken again with a wide window.
 
@@ -155,13 +114,6 @@ class WindowPlanner:
             dropped = ranges.response_mv < LEAST_SHARE * usual
             dropped &= ~(ranges.response_mv > LEAST_SHARE * self._response_mv)  # the line before showed nothing else
         return np.flatnonzero(narrow & (poor | dropped))
-
-    def merged(self, ranges: Ranges, columns: NDArray[np.intp], again: Ranges) -> Ranges:
-        """Return the line with the places taken again in the place of the first try, flagged as `Flag.RETAKEN`."""
-        order = np.arange(len(ranges.flags))
-        order[columns] = len(order) + np.arange(len(columns))
-        flagged = replace(again, flags=again.flags | np.uint16(Flag.RETAKEN))
-        return Ranges.joined([ranges, flagged]).taken(order)
 
     def learn(self, ranges: Ranges) -> None:
         """Take in a line that is done; the next one is planned from it.
@@ -239,33 +191,14 @@ class WindowPlanner:
         return Place(_at(reference, reference_ps), _at(echo, expected_ps), wide)
 
     def _cheapest(self, reference_margin_ps: float, margin_ps: float, response_mv: float) -> tuple[Window, Window]:
-        """Return the windows (their start against the pulse's 50 % point) that take the shortest time of those that
-        promise what is wanted, the best ones of equal time; if none does, the best there are."""
-        s = self.settings
-        references, echoes = self._windows(reference_margin_ps), self._windows(margin_ps)
-        promised = promised_sd_mm(
+        return cheapest_windows(
+            self.settings,
             self.calibration,
-            references,
-            echoes,
+            reference_margin_ps=reference_margin_ps,
+            margin_ps=margin_ps,
             response_mv=response_mv,
-            room_ps=(reference_margin_ps + FOOT_PS, margin_ps + FOOT_PS),
-            sharing=self.columns if s.shared_reference else 1,
+            sharing=self.columns,
         )
-        first = np.maximum([w.shots(s.settle_shots) for w in references], s.free_shots)
-        shots = np.add.outer(first, [w.shots(s.settle_shots) for w in echoes])
-        enough = promised <= s.wanted_sd_mm
-        cost = np.where(enough, shots, np.inf) if enough.any() else promised
-        r, e = np.unravel_index(np.lexsort((promised.ravel(), cost.ravel()))[0], promised.shape)
-        return references[r], echoes[e]
-
-    def _windows(self, margin_ps: float) -> list[Window]:
-        """Return the windows that cover a pulse to a margin, from few shots to many."""
-        span = FOOT_PS + TOP_PS + 2 * margin_ps
-        return [
-            Window(-margin_ps - FOOT_PS, step, int(np.ceil(span / step)) + 1, sweeps)
-            for sweeps in self.settings.sweeps
-            for step in self.settings.steps_ps
-        ]
 
 
 def _at(window: Window, expected_ps: float) -> Window:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -108,6 +109,15 @@ def estimate_places(
     return _ranges(
         PulsePair.joined(pairs).taken(back), np.concatenate(flags)[back], shared_reference, calibration, limits
     )
+
+
+def with_retaken(ranges: Ranges, places: NDArray[np.intp], again: Ranges) -> Ranges:
+    """Return a line with the places (M,) that were taken again in the place of the first try, flagged
+    `Flag.RETAKEN`."""
+    order = np.arange(len(ranges.flags))
+    order[places] = len(order) + np.arange(len(places))
+    flagged = replace(again, flags=again.flags | np.uint16(Flag.RETAKEN))
+    return Ranges.joined([ranges, flagged]).taken(order)
 
 
 def _gather(windows: Sequence[tuple[Window, ArrayLike]]) -> WindowTraces:

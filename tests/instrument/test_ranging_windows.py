@@ -18,6 +18,7 @@ from instrument.ranging import (
     WindowTraces,
     estimate_places,
     estimate_windows,
+    with_retaken,
 )
 from instrument.ranging.window import promised_sd_mm
 from instrument.scan_line import Flag
@@ -189,7 +190,7 @@ def scan(scene: Scene, planner: WindowPlanner, calibration: Calibration) -> tupl
         if len(columns):
             again = planner.wide(columns)
             traces = [scene.look(row, int(column), place) for column, place in zip(columns, again, strict=True)]
-            ranges = planner.merged(ranges, columns, estimate_places(again, traces, calibration=calibration))
+            ranges = with_retaken(ranges, columns, estimate_places(again, traces, calibration=calibration))
             shots += sum(place.shots(settle) for place in again)
             retaken += len(columns)
         planner.learn(ranges)
@@ -239,7 +240,7 @@ def test_a_spot_on_a_rim_is_taken_again_and_marked_as_mixed(receiver: Receiver, 
     assert again.tolist() == [rim]
     wide = planner.wide(again)
     second = estimate_places(wide, [look(1, rim, wide[0])], calibration=calibrated)
-    merged = planner.merged(found, again, second)
+    merged = with_retaken(found, again, second)
     assert Flag(int(merged.flags[rim])) == Flag.MIXED | Flag.RETAKEN
     assert not np.delete(merged.flags, rim).any()
 

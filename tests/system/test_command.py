@@ -214,8 +214,28 @@ def test_a_recording_is_ranged_again_with_another_estimator(call: Any, tmp_path:
     assert abs(np.mean(template.range_mm - half.range_mm)) < 0.1
 
 
-def test_only_recordings_with_traces_can_be_ranged_again(call: Any, tmp_path: Path) -> None:
-    call("scan", "--grid", "1x3", "--mode", "window", "-o", tmp_path / "w.db", "--json")
-    code, result, _ = call("rerange", tmp_path / "w.db", "-o", tmp_path / "x.db", "--json")
+def test_a_scan_in_windows_is_ranged_again_to_the_same_bytes(call: Any, tmp_path: Path) -> None:
+    paths = [tmp_path / name for name in ("w.db", "x.db")]
+    call("scan", "--grid", "3x20", "--mode", "window", "-o", paths[0], "--json")
+    code, result, _ = call("rerange", paths[0], "-o", paths[1], "--json")
+    assert (code, result["lines_ok"], result["raster"]["estimator"]) == (0, 3, "template")
+    clouds = []
+    for path in paths:
+        with Recording.open(path) as recording:
+            clouds.append(recording.cloud())
+    for name in ("points_mm", "covariance_mm2", "range_mm", "range_variance_mm2", "response_mv", "flags"):
+        assert np.array_equal(getattr(clouds[0], name), getattr(clouds[1], name), equal_nan=True), name
+    code, result, _ = call("rerange", paths[0], "-o", tmp_path / "y.db", "--estimator", "half-maximum", "--json")
     assert code == 2
-    assert "no raw traces" in result["error"]
+    assert "half-maximum needs whole traces" in result["error"]
+
+
+def test_only_recordings_with_samples_can_be_ranged_again(call: Any, tmp_path: Path) -> None:
+    settings = tmp_path / "settings.toml"
+    settings.write_text("[scan]\nkeep_traces = false\n", encoding="utf-8")
+    for mode in ("sweep", "window"):
+        path = tmp_path / f"{mode}.db"
+        call("scan", "--settings", settings, "--grid", "1x3", "--mode", mode, "-o", path, "--json")
+        code, result, _ = call("rerange", path, "-o", tmp_path / f"{mode}2.db", "--estimator", "template", "--json")
+        assert code == 2
+        assert "no raw samples" in result["error"]
