@@ -9,15 +9,18 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from drivers.interfaces import Record, SweepSettings
 from instrument.calibration import Calibration
-from instrument.cli.light_meters import SimulatedLightMeters
+from instrument.cli.light_meters import light_meters
 from instrument.cli.main import run as command
+from instrument.cli.person import Person
 from instrument.cli.session import Session, session
 from instrument.cli.stages import SimulatedStage
 from instrument.procedures import distance, drift, geometry, gray_target, prism, scanner, templates, transmitter
@@ -33,15 +36,23 @@ from sim.wires import Acquisition
 DATE = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 ECHO_FROM_PS = 9000.0
 Small = Callable[[Station], Outcome]
-FEW_CARDS: dict[str, Small] = {"few cards": lambda s: gray_target.run(s, levels=3, readings=10)}
 SMALL: dict[str, Small] = {
-    "gray-target": lambda s: gray_target.run(s, levels=12, readings=20),
+    "gray-target": lambda s: gray_target.run(s, levels=12, readings=16),
     "templates": lambda s: templates.run(s, levels=3, readings=30),
     "geometry": lambda s: geometry.run(s, points_a_side=7),
     "prism": lambda s: prism.run(s, thin=8),
     "distance": lambda s: distance.run(s, readings=60, short=6),
     "drift": lambda s: drift.run(s, hours=0.5, interval_s=180.0, readings=2),
+    "scanner": lambda s: scanner.run(s, steps=10, repeats=8),
+    "transmitter": lambda s: transmitter.run(s, volts=(270.0, 290.0), degc=(23.0,)),
 }
+FEWER: dict[str, Small] = {  # enough to see that something else stands there
+    "drift": lambda s: drift.run(s, hours=0.05, interval_s=18.0, readings=2),
+    "prism": lambda s: prism.run(s, thin=12),
+    "gray-target": lambda s: gray_target.run(s, levels=3, readings=10),
+    "templates": lambda s: templates.run(s, levels=2, readings=10),
+}
+RANGING = sorted(SMALL.keys() - {"scanner", "transmitter"})
 
 
 @pytest.fixture(scope="module")
@@ -60,9 +71,9 @@ def station(bench: Session, tmp_path: Path) -> Station:
 
 def make_station(bench: Session, stage: Any, folder: Path) -> Station:
     assert bench.simulated is not None
-    meters = SimulatedLightMeters(bench.simulated)
+    meters = light_meters(bench, Person(bench.controller.rest))
     parts = bench.controller, bench.settings, bench.calibration, bench.identities, stage, folder
-    return Station(*parts, lambda _share, _note: None, DATE, meters)
+    return Station(*parts, lambda _share, _note: None, DATE, meters, seed=1)
 
 
 def test_gray_target_makes_a_calibration_that_holds_on_cards_held_back(station: Station) -> None:
@@ -105,7 +116,7 @@ def test_distances_are_right_from_62_to_100_cm(station: Station) -> None:
 
 
 def test_the_scanner_settles_in_the_times_in_force(station: Station) -> None:
-    outcome = scanner.run(station, steps=10, repeats=8)
+    outcome = SMALL["scanner"](station)
     assert outcome.passed, outcome.findings
     assert 0.2 < float(outcome.figures["flyback_error_after_2_ms_mm"] or 0) < 0.6
 
@@ -126,7 +137,7 @@ def test_templates_scatter_less_than_half_maxima(station: Station) -> None:
 
 
 def test_the_working_point_of_the_transmitter_is_found(station: Station) -> None:
-    outcome = transmitter.run(station, volts=(270.0, 290.0), degc=(23.0,))
+    outcome = SMALL["transmitter"](station)
     assert outcome.passed, outcome.findings
     assert outcome.figures["working_drive_v"] == 290.0
     assert float(outcome.figures["fwhm_ps"] or 0) == pytest.approx(44, abs=1.5)
@@ -147,17 +158,44 @@ def test_the_calibration_that_ships_fits_the_simulator(station: Station) -> None
 
 
 class WrongStage:
-    """Puts up something else than asked for."""
+    """Puts up something else than asked for, and may lose readings of the scale."""
 
-    def __init__(self, stage: SimulatedStage, body: str, distance_mm: float | None = None) -> None:
-        self._stage, self._body, self._distance_mm = stage, body, distance_mm
+    reads_at_once = True
+
+    def __init__(
+        self, stage: SimulatedStage, body: str = "plate", distance_mm: float | None = None, *, lost_every: int = 0
+    ) -> None:
+        self._stage, self._body, self._distance_mm, self._lost_every = stage, body, distance_mm, lost_every
+        self._readings = 0
 
     def place(self, wanted: Placing) -> float:
         self._stage.place(Placing(self._body, self._distance_mm or wanted.distance_mm, gray=0.5))
         return wanted.distance_mm
 
     def read_scale(self) -> tuple[float, float]:
-        return self._stage.read_scale()
+        self._readings += 1
+        lost = self._lost_every and self._readings % self._lost_every == 0
+        return (float("nan"), float("nan")) if lost else self._stage.read_scale()
+
+
+class WrongMeters:
+    """Light meters that see nothing every so many times: the detector, the power meter, or both."""
+
+    def __init__(self, meters: Any, *, dark_every: int = 0, unpowered_every: int = 0) -> None:
+        self._meters, self._dark_every, self._unpowered_every = meters, dark_every, unpowered_every
+        self._traces = self._powers = 0
+        self.open, self.close = meters.open, meters.close
+
+    def trace(self, sweep: SweepSettings) -> Record:
+        self._traces += 1
+        record: Record = self._meters.trace(sweep)
+        dark = np.full_like(record.sums, round(record.zero_code * record.sweeps))
+        return replace(record, sums=dark) if self._dark_every and self._traces % self._dark_every == 0 else record
+
+    def mean_power_mw(self, where: str, wait: Any) -> float:
+        self._powers += 1
+        lost = self._unpowered_every and self._powers % self._unpowered_every == 0
+        return 0.0 if lost else float(self._meters.mean_power_mw(where, wait))
 
 
 @pytest.fixture
@@ -181,25 +219,37 @@ def losing(bench: Session) -> Iterator[Callable[[int], None]]:
     hooks[:] = before
 
 
-@pytest.mark.parametrize("name", SMALL)
-@pytest.mark.parametrize("every", [1, 2])
+@pytest.mark.parametrize("name", RANGING)
+@pytest.mark.parametrize("every", [1, 2], ids=["closed lid", "half the readings lost"])
 def test_a_closed_lid_and_lost_readings_end_with_a_finding(
     station: Station, losing: Callable[[int], None], name: str, every: int
 ) -> None:
     losing(every)
-    refused(SMALL[name](station), "have no range")
+    refused(FEWER.get(name, SMALL[name])(station), "have no range")
+
+
+@pytest.mark.parametrize("name", RANGING)
+def test_a_target_out_of_range_ends_with_a_finding(bench: Session, tmp_path: Path, name: str) -> None:
+    assert bench.simulated is not None
+    stage = WrongStage(SimulatedStage(bench.simulated), "plate", 1900.0)
+    refused(FEWER.get(name, SMALL[name])(make_station(bench, stage, tmp_path)), "have no range")
 
 
 @pytest.mark.parametrize(
     ("name", "body", "distance_mm", "words"),
     [
-        ("few cards", "plate", None, "no series of gray cards"),
+        ("gray-target", "plate", None, "no series of gray cards"),
+        ("gray-target", "prism", None, "no series of gray cards"),
+        ("templates", "plate", None, "no series of gray cards"),
         ("geometry", "step", None, "not flat"),
+        ("geometry", "prism", None, "no range"),  # it fills a tenth of the scan
         ("geometry", "plate", 850.0, "was found at 850"),
-        ("geometry", "plate", 1900.0, "have no range"),
         ("prism", "plate", None, "another body"),
-        ("prism", "plate", 1900.0, "have no range"),
-        ("distance", "plate", 1900.0, "have no range"),
+        ("distance", "prism", None, "20 mm off"),
+        ("distance", "plate", 950.0, "50 mm off"),
+        ("drift", "prism", None, "20 mm off"),
+        ("drift", "plate", None, "not darker"),
+        ("scanner", "plate", 1900.0, "does not follow the beam"),
     ],
 )
 def test_a_wrong_target_ends_with_a_finding(
@@ -207,7 +257,25 @@ def test_a_wrong_target_ends_with_a_finding(
 ) -> None:
     assert bench.simulated is not None
     stage = WrongStage(SimulatedStage(bench.simulated), body, distance_mm)
-    refused((SMALL | FEW_CARDS)[name](make_station(bench, stage, tmp_path)), words)
+    refused(FEWER.get(name, SMALL[name])(make_station(bench, stage, tmp_path)), words)
+
+
+@pytest.mark.parametrize("every", [1, 2], ids=["no scale on the plate", "half the readings lost"])
+def test_a_scale_that_cannot_be_read_ends_with_a_finding(bench: Session, tmp_path: Path, every: int) -> None:
+    assert bench.simulated is not None
+    stage = WrongStage(SimulatedStage(bench.simulated), lost_every=every)
+    refused(SMALL["scanner"](make_station(bench, stage, tmp_path)), "does not meet the scale")
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [{"dark_every": 1, "unpowered_every": 1}, {"dark_every": 1}, {"unpowered_every": 1}, {"dark_every": 2}],
+    ids=["closed lid", "detector elsewhere", "power meter elsewhere", "half the readings lost"],
+)
+def test_meters_without_light_end_with_a_finding(station: Station, faults: dict[str, int]) -> None:
+    station.meters = WrongMeters(station.meters, **faults)
+    refused(SMALL["transmitter"](station), "No light")
+    station.controller.warm_up()
 
 
 def refused(outcome: Outcome, words: str) -> None:
