@@ -17,6 +17,7 @@ from registration import Model, load_model, pose_error, register
 from registration.baselines import lm_icp
 from registration.field import build_fields
 from registration.rigid import inverse, pose, rotation_from_vector, transform
+from registration.surface import Surface
 from registration.volume import surface_points
 
 HIP = Path(__file__).parents[2] / "sim" / "data" / "hip_right.stl"
@@ -53,10 +54,10 @@ def seen_from(points: np.ndarray, origin: np.ndarray, pixel_mm: float) -> np.nda
     return np.asarray(distance <= nearest[pixel] + pixel_mm)
 
 
-def by_distance_field(points: np.ndarray, model: Model, start: np.ndarray) -> np.ndarray:
+def by_distance_field(points: np.ndarray, surface: Surface, start: np.ndarray) -> np.ndarray:
     """Levenberg-Marquardt on the signed distances of all surface points (LM-ICP), from a rough start."""
     near = transform(start, points)
-    field, _ = build_fields(model.surface, near.min(axis=0) - 15.0, near.max(axis=0) + 15.0, step_mm=1.5)
+    field, _ = build_fields(surface, near.min(axis=0) - 8.0, near.max(axis=0) + 8.0, step_mm=2.0)
     return lm_icp(points, field, start)
 
 
@@ -78,7 +79,7 @@ def main() -> None:
     sys.stdout.write(f"{len(points)} surface points from {volume.size} voxels\n")
     for name, found in {
         "start": start,
-        "distance field": by_distance_field(points, model, start),
+        "distance field": by_distance_field(points, model.surface, start),
         "front door": by_front_door(points, model, start, towards),
     }.items():
         error = pose_error(found, truth, socket.centre)

@@ -13,6 +13,7 @@ import pytest
 
 import registration
 from registration.rigid import pose, rotation_from_vector, transform
+from registration.surface import Surface
 from registration.volume import surface_points, two_gaussians
 
 ROOT = Path(__file__).parents[2]
@@ -73,7 +74,7 @@ def test_the_example_registers_a_ct_both_ways(example: ModuleType) -> None:
     start = pose(np.eye(3), socket.centre) @ off @ pose(np.eye(3), -socket.centre) @ truth
     towards = start[:3, :3].T @ socket.axis
     for found in (
-        example.by_distance_field(points, model, start),
+        example.by_distance_field(points, model.surface, start),
         example.by_front_door(points, model, start, towards),
     ):
         error = registration.pose_error(found, truth, socket.centre)
@@ -106,12 +107,12 @@ def test_a_real_ct_registers_to_the_model_segmented_from_it(example: ModuleType)
     vertices, faces, _ = igl.marching_cubes(
         mask[crop].ravel(order="F") - 0.5, index[:, ::-1].copy(), *size.tolist(), 0.0
     )
-    model = registration.prepare_model(transform(affine @ shift, vertices), faces[:, ::-1])
+    surface = Surface(transform(affine @ shift, vertices), faces[:, ::-1])
     points = surface_points(np.clip(volume[crop], -200.0, 1200.0), affine @ shift)
-    points = points[::3][model.surface.distances(points[::3]) < 4.0]
+    points = points[::3][surface.distances(points[::3]) < 4.0]
     off = pose(rotation_from_vector(np.radians([4.0, -4.0, 3.0])), np.array([3.0, -4.0, 3.0]))
     middle = points.mean(axis=0)
     start = pose(np.eye(3), middle) @ off @ pose(np.eye(3), -middle)
-    error = registration.pose_error(example.by_distance_field(points, model, start), np.eye(4), middle)
+    error = registration.pose_error(example.by_distance_field(points, surface, start), np.eye(4), middle)
     assert error.rotation_deg < 1.0
     assert error.translation_mm < 1.5
