@@ -37,7 +37,7 @@ DATE = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 ECHO_FROM_PS = 9000.0
 Small = Callable[[Station], Outcome]
 SMALL: dict[str, Small] = {
-    "gray-target": lambda s: gray_target.run(s, levels=12, readings=16),
+    "gray-target": lambda s: gray_target.run(s, levels=12, readings=20),
     "templates": lambda s: templates.run(s, levels=3, readings=30),
     "geometry": lambda s: geometry.run(s, points_a_side=7),
     "prism": lambda s: prism.run(s, thin=8),
