@@ -11,7 +11,7 @@ import numpy as np
 
 from instrument.calibration import Calibration, Method
 from instrument.errors import BadInput
-from instrument.ranging import Ranges, estimate
+from instrument.ranging import Ranges, estimate, mark_footprint
 from instrument.recording import Recording
 from instrument.scan_line import Flag, ScanLine
 from instrument.scan_points import to_scan_line
@@ -52,8 +52,10 @@ def rerange(
         estimator = method or old.header.get("raster", {}).get("estimator", "half-maximum")
         header = _header(old.header, source, used, estimator)
         with Recording.create(target, header) as new:
+            before: ScanLine | None = None
             for line in old.lines():
-                again = _range_line(old, line, estimator, used)
+                again = _range_line(old, line, before, estimator, used)
+                before = again
                 new.append(again)
                 if on_line is not None:
                     on_line(again)
@@ -63,8 +65,12 @@ def rerange(
             )
 
 
-def _range_line(recording: Recording, line: ScanLine, method: Method, calibration: Calibration) -> ScanLine:
+def _range_line(
+    recording: Recording, line: ScanLine, before: ScanLine | None, method: Method, calibration: Calibration
+) -> ScanLine:
     ranges = _ranges_of(recording, line, method, calibration)
+    before_mm = before.range_mm if before is not None and before.index == line.index - 1 else None
+    ranges = mark_footprint(ranges, recording.raster["step_mm"], before_mm)
     # Whether the target moved is known from looks at one place, which are not in the line.
     flags = ranges.flags | (line.flags & np.uint16(Flag.MOTION))
     return to_scan_line(

@@ -14,7 +14,7 @@ from drivers.interfaces import Galvo, Identity, Record, Sampler, SweepSettings
 from instrument.calibration import Calibration, Method
 from instrument.controller import Between
 from instrument.motion import MotionWatch
-from instrument.ranging import Ranges, estimate
+from instrument.ranging import Ranges, estimate, mark_footprint
 from instrument.scan_line import Flag, ScanLine
 from instrument.scan_points import to_scan_line
 from instrument.scan_raster import raster_of as raster_of
@@ -61,6 +61,7 @@ class RasterScan:
         look_s, line_s = self._times_s()
         pointing_sd_mm = calibration.pointing_sd_rad * settings.scan.distance_mm
         self._watch = MotionWatch(settings.scan.rows, look_s, line_s, pointing_sd_mm)
+        self._before: tuple[int, NDArray[np.float64]] | None = None  # row and ranges of the last line
         self.shots = 0
 
     @property
@@ -120,12 +121,15 @@ class RasterScan:
 
     def memory(self) -> dict[str, Any]:
         """Get what the next line needs to know of those before."""
-        return {"motion": self._watch.memory()}
+        before = None if self._before is None else {"row": self._before[0], "range_mm": self._before[1].tolist()}
+        return {"motion": self._watch.memory(), "before": before}
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         """Go on from a `memory`."""
         if "motion" in memory:  # recordings of earlier versions have none
             self._watch.recall(memory["motion"])
+        if before := memory.get("before"):
+            self._before = before["row"], np.array(before["range_mm"], dtype=np.float64)
 
     def run_id(self, row: int, column: int) -> int:
         """Get the run id of a place: its number in the raster, from 1."""
@@ -159,7 +163,7 @@ class RasterScan:
             records += sampler.take(self.run_id(row, int(column)))
         self.shots += len(records) * self.sweep.averages * self.sweep.samples
         ranges, sums = self._ranges_of(records, self.settings.scan.estimator)
-        ranges = self._watched(row, ranges, self._look(row, galvo, sampler, between))
+        ranges = self._watched(row, self._mixed(row, ranges), self._look(row, galvo, sampler, between))
         kept = sums if self.settings.scan.keep_traces else None
         self._note_reference(ranges)
         return to_scan_line(
@@ -184,6 +188,12 @@ class RasterScan:
         # The template tells smaller motions; how the scan itself is ranged makes no difference to this.
         found, _ = self._ranges_of(list(records), "template" if self.calibration.templates else "half-maximum")
         return found
+
+    def _mixed(self, row: int, ranges: Ranges) -> Ranges:
+        """Flag places whose spot does not lie on one surface, as far as this line and the one before show it."""
+        before_mm = self._before[1] if self._before is not None and self._before[0] == row - 1 else None
+        self._before = row, ranges.range_mm
+        return mark_footprint(ranges, self.settings.scan.step_mm, before_mm)
 
     def _watched(self, row: int, ranges: Ranges, look: Ranges | None) -> Ranges:
         """Take the look at the watched place in, and flag the line if the target has moved."""

@@ -151,6 +151,7 @@ class WindowScan(RasterScan):
             again, _ = self._take(run_id, plan.codes[lost[0]], stops, wide, left_s, galvo, sampler, between)
             windows = windows.followed_by(LineWindows.of(plan.columns[lost], again, _forms(wide), retaken=True))
             ranges = range_line(plan.columns, windows, scale, self.calibration)
+        ranges = self._mixed(row, ranges)
         self._planner.learn(ranges)
         looked = None
         if look is not None:

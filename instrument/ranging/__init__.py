@@ -7,6 +7,7 @@ planned. `learn` and `fit_walk` make the calibration that they need, `range_boun
 from instrument.ranging.average import average_ranges, average_sweeps
 from instrument.ranging.bound import Pulse, range_bound_mm2
 from instrument.ranging.estimate import estimate
+from instrument.ranging.footprint import mark_footprint
 from instrument.ranging.learning import learn
 from instrument.ranging.ranges import SPEED_OF_LIGHT_MM_PER_PS, Ranges
 from instrument.ranging.settings import RangingSettings
@@ -34,6 +35,7 @@ __all__ = [
     "estimate_windows",
     "fit_walk",
     "learn",
+    "mark_footprint",
     "range_bound_mm2",
     "with_retaken",
 ]

@@ -1,0 +1,61 @@
+"""Places whose spot lies on more than one surface, told by their neighbours."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from instrument.ranging import Ranges, mark_footprint
+from instrument.scan_line import Flag
+
+
+def mixed(range_mm: np.ndarray, response_mv: np.ndarray | None = None, **more: object) -> list[int]:
+    response = np.full(len(range_mm), 45.0) if response_mv is None else response_mv
+    flags = np.full(len(range_mm), Flag.RETAKEN, dtype=np.uint16)
+    ranges = Ranges(range_mm, np.ones_like(range_mm), response, flags, *[range_mm] * 4)
+    options = {"step_mm": 1.0, "before_mm": None, **more}
+    found = mark_footprint(ranges, **options)
+    assert (found.flags & Flag.RETAKEN).all()  # other flags stay
+    assert found.flags.dtype == np.uint16
+    return np.flatnonzero(found.flags & Flag.MIXED).tolist()
+
+
+@pytest.mark.parametrize("slope", [0.0, 1.0, 2.0, -2.2])
+def test_a_smooth_surface_is_one_surface(slope: float) -> None:
+    noise = 0.25 * np.random.default_rng(1).standard_normal(1000)
+    line = 900.0 + slope * np.arange(1000)
+    assert mixed(line + noise) == []
+    assert mixed(line + noise, before_mm=line + 2.0) == []
+
+
+@pytest.mark.parametrize("between_mm", [0.2, 1.5, 4.0, 6.5, 7.8])
+def test_a_spot_on_an_edge_has_neighbours_far_apart(between_mm: float) -> None:
+    line = np.array([900.0, 900.0, 900.0, 900.0 + between_mm, 908.0, 908.0, 908.0])
+    assert 3 in mixed(line)
+    assert mixed(line[::-1]) == sorted(6 - k for k in mixed(line))
+    assert set(mixed(line)) <= {2, 3, 4}
+
+
+def test_an_edge_across_the_line_shows_against_the_line_before() -> None:
+    line = np.full(5, 905.0)
+    assert mixed(line, before_mm=np.array([905.0, 904.0, 901.0, np.nan, 909.0])) == [2, 4]
+
+
+def test_the_spacing_of_the_places_counts() -> None:
+    line = 900.0 + 2.0 * np.arange(6)
+    assert mixed(line) == []
+    assert mixed(line, step_mm=0.5) == [0, 1, 2, 3, 4, 5]
+
+
+def test_half_a_spot_on_a_sloped_rim_is_not_where_the_beam_is() -> None:
+    response = np.array([19.0, 34.0, 34.0, 34.0, 34.0, 20.0])
+    sloped, flat = 900.0 + 2.0 * np.arange(6), np.full(6, 900.0)
+    assert mixed(sloped, response) == [0, 5]
+    assert mixed(flat, response) == []
+
+
+def test_places_without_a_range_are_left_alone() -> None:
+    line = np.array([900.0, np.nan, 908.0, 908.2, np.nan, np.nan])
+    assert mixed(line) == []
+    assert mixed(np.full(4, np.nan)) == []
+    assert mixed(np.array([900.0])) == []
