@@ -17,6 +17,9 @@ from registration.quality import plane_rows
 from registration.rigid import small_motion, transform
 from registration.surface import Surface
 
+HAT_REACH_RAD, HAT_REACH_MM = float(np.radians(20.0)), 20.0
+"""How far Powell's line searches may go from the start; without bounds their first brackets leave the head."""
+
 
 def plane_icp(
     points: FloatArray, surface: Surface, start: FloatArray, loss: Loss, *, max_iterations: int = 60
@@ -105,7 +108,8 @@ def head_and_hat(points: FloatArray, surface: Surface, start: FloatArray, centre
         The head, or any surface that `centre` sees (a socket from its middle).
     start : (4, 4) array
     centre : (3,) array
-        Model frame, mm. Rays that meet nothing do not count.
+        Model frame, mm. Points whose rays meet nothing, as beyond the rim of a socket, count by their distance to the
+        closest surface: left out, they would draw the hat off the head.
 
     Returns
     -------
@@ -118,12 +122,17 @@ def head_and_hat(points: FloatArray, surface: Surface, start: FloatArray, centre
     radius = float(np.linalg.norm(base - centre, axis=1).mean())
 
     def cost(x: FloatArray) -> float:
-        offset = transform(small_motion(np.concatenate([x[:3] / radius, x[3:]]), centre), base) - centre
-        length = np.linalg.norm(offset, axis=1)
-        hit = surface.first_hit(np.broadcast_to(centre, offset.shape), offset / length[:, None])
-        met = np.isfinite(hit)
-        return float(np.mean((hit[met] - length[met]) ** 2)) if met.any() else radius**2
+        moved = transform(small_motion(np.concatenate([x[:3] / radius, x[3:]]), centre), base)
+        length = np.linalg.norm(moved - centre, axis=1)
+        hit = surface.first_hit(np.broadcast_to(centre, moved.shape), (moved - centre) / length[:, None])
+        distance = np.subtract(hit, length, out=np.zeros_like(hit), where=np.isfinite(hit))
+        missed = ~np.isfinite(hit)
+        if missed.any():
+            distance[missed] = surface.distances(moved[missed])
+        return float(np.mean(distance**2))
 
-    found = minimize(cost, np.zeros(6), method="Powell", options={"xtol": 1e-4, "ftol": 1e-8})
+    reach = [HAT_REACH_RAD * radius] * 3 + [HAT_REACH_MM] * 3
+    bounds = [(-r, r) for r in reach]
+    found = minimize(cost, np.zeros(6), method="Powell", bounds=bounds, options={"xtol": 1e-4, "ftol": 1e-8})
     x = np.asarray(found.x, dtype=np.float64)
     return small_motion(np.concatenate([x[:3] / radius, x[3:]]), centre) @ start

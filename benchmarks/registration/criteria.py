@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -77,14 +78,15 @@ def measured(method: Method, scans: list[tuple[synthetic.Synthetic, np.ndarray]]
     return float(np.mean((rotation < 1.0) & (shift < 1.0))), float(np.median(rotation)), float(np.median(shift))
 
 
-def draw(results: dict[str, np.ndarray], path: Path) -> None:
-    """Success and median rotation error against the outlier share."""
+def drawn(rows: dict[str, str], path: Path) -> None:
+    """Success and median rotation error against the outlier share, from the rows of the table."""
     figure, (success, rotation) = plt.subplots(1, 2, figsize=(12, 5.5), layout="constrained")
-    for k, (name, table) in enumerate(results.items()):
+    for k, (name, row) in enumerate(rows.items()):
+        table = np.array(re.findall(r"(\d+)%, ([\d.e+-]+)", row), dtype=np.float64)
         style = {"color": f"C{k % 10}", "linestyle": ("-", "--")[k // 10], "marker": "osv^D"[k % 5], "markersize": 4}
         if name.startswith("robust"):
             style |= {"linewidth": 3.0, "color": "black"}
-        success.plot(100 * np.array(SHARES), 100 * table[:, 0], label=name, **style)
+        success.plot(100 * np.array(SHARES), table[:, 0], label=name, **style)
         rotation.semilogy(100 * np.array(SHARES), table[:, 1], **style)
     success.set(xlabel="points under tissue, %", ylabel="within 1 deg and 1 mm, % of the scans")
     rotation.set(xlabel="points under tissue, %", ylabel="median rotation error, deg")
@@ -95,10 +97,19 @@ def draw(results: dict[str, np.ndarray], path: Path) -> None:
     plt.close(figure)
 
 
+def written_before() -> dict[str, str]:
+    """Rows of the table that stands in the document, by method."""
+    text = (ROOT / "docs" / "registration.md").read_text(encoding="utf-8")
+    section = text.partition(f"<!-- begin: written by {NAME} -->")[2].partition("<!-- end")[0]
+    lines = [line for line in section.splitlines() if re.search(r"\d%, ", line)]
+    return {line.split("|")[1].strip(): line for line in lines}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scans", type=int, default=10, help="for each outlier share")
     parser.add_argument("--slow-scans", type=int, default=4, help="the same for methods that take half a minute a scan")
+    parser.add_argument("--only", default="", help="methods whose name contains this; the others' rows stay")
     options = parser.parse_args()
     model = load_model(HIP_FILE)
     scans = {}
@@ -109,20 +120,22 @@ def main() -> None:
         scans[share] = [
             (s, synthetic.start_off(s.truth, s.points, START_DEG, START_MM, k)) for k, s in enumerate(taken)
         ]
-    results, rows = {}, ["| method | " + " | ".join(f"{s:.0%}" for s in SHARES) + " |", "|---" * 8 + "|"]
+    rows = written_before() if options.only else {}
     for name, method in methods().items():
+        if options.only not in name:
+            continue
         count = options.slow_scans if name in SLOW else options.scans
-        results[name] = np.array([measured(method, scans[share][:count]) for share in SHARES])
-        cells = [f"{success:.0%}, {rotation:.2g}" for success, rotation, _ in results[name]]
-        rows.append(f"| {name} | " + " | ".join(cells) + " |")
-        print(rows[-1], flush=True)
+        results = [measured(method, scans[share][:count]) for share in SHARES]
+        rows[name] = f"| {name} | " + " | ".join(f"{right:.0%}, {turn:.2g}" for right, turn, _ in results) + " |"
+        print(rows[name], flush=True)
     points = np.median([len(s.points) for taken in scans.values() for s, _ in taken])
     slow = f"({options.slow_scans} for {' and '.join(SLOW)})"
     note = (
         f"{options.scans} scans a share {slow}, {points:.0f} points each, start {START_DEG:g} deg, {START_MM:g} mm off."
     )
-    draw(results, ROOT / "docs" / "images" / "criteria.png")
-    write_between_marks("registration.md", NAME, [f"{provenance()} {note}", "", *rows])
+    drawn(rows, ROOT / "docs" / "images" / "criteria.png")
+    head = ["| method | " + " | ".join(f"{s:.0%}" for s in SHARES) + " |", "|---" * 8 + "|"]
+    write_between_marks("registration.md", NAME, [f"{provenance()} {note}", "", *head, *rows.values()])
 
 
 if __name__ == "__main__":
