@@ -59,16 +59,20 @@ def bench(
             session.warm_up(run)
             outcome = _measure(run, folder, name, stamp)
     except Interrupted as stopped:
-        kept = f"no report was written; readings so far are in {folder / 'raw'}"
-        raise Interrupted(f"{stopped}; {run.controller.safe}; {kept}") from stopped
+        raw = folder / "raw"
+        kept = f"readings so far are in {raw}" if any(raw.glob("*.db")) else "no readings were kept"
+        raise Interrupted(f"{stopped}; {run.controller.safe}; no report was written; {kept}") from stopped
     simulated = wanted.bench == "simulated"
-    result = write_outcome(
-        folder,
-        outcome,
-        settings=wanted,
-        seed=wanted.seed if simulated else None,
-        simulation=checked_simulation(wanted) if simulated else None,
-    )
+    try:
+        result = write_outcome(
+            folder,
+            outcome,
+            settings=wanted,
+            seed=wanted.seed if simulated else None,
+            simulation=checked_simulation(wanted) if simulated else None,
+        )
+    except OSError as error:
+        raise BadInput(f"{folder}: the report cannot be written: {error}; make room and run this again") from error
     if json:
         output.print_json(result)
     else:
