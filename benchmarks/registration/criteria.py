@@ -23,7 +23,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 import synthetic_scans as synthetic  # noqa: E402
-from marked import provenance, write_between_marks  # noqa: E402
+from marked import provenance, rows_between_marks, write_between_marks  # noqa: E402
 
 from registration import DissertationSettings, load_model, pose_error, register  # noqa: E402
 from registration.baselines import head_and_hat, lm_icp, plane_icp  # noqa: E402
@@ -97,14 +97,6 @@ def drawn(rows: dict[str, str], path: Path) -> None:
     plt.close(figure)
 
 
-def written_before() -> dict[str, str]:
-    """Rows of the table that stands in the document, by method."""
-    text = (ROOT / "docs" / "registration.md").read_text(encoding="utf-8")
-    section = text.partition(f"<!-- begin: written by {NAME} -->")[2].partition("<!-- end")[0]
-    lines = [line for line in section.splitlines() if re.search(r"\d%, ", line)]
-    return {line.split("|")[1].strip(): line for line in lines}
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scans", type=int, default=10, help="for each outlier share")
@@ -120,7 +112,7 @@ def main() -> None:
         scans[share] = [
             (s, synthetic.start_off(s.truth, s.points, START_DEG, START_MM, k)) for k, s in enumerate(taken)
         ]
-    rows = written_before() if options.only else {}
+    rows = rows_between_marks("registration.md", NAME, 1 + len(SHARES)) if options.only else {}
     for name, method in methods().items():
         if options.only not in name:
             continue

@@ -28,6 +28,14 @@ def write_between_marks(document: str, name: str, lines: list[str]) -> None:
     print(f"written: {path}")
 
 
+def rows_between_marks(document: str, name: str, cells: int) -> dict[str, str]:
+    """Rows of so many cells that stand there from an earlier run, by their first cell; headings are left out."""
+    text = (ROOT / "docs" / document).read_text(encoding="utf-8")
+    section = text.partition(f"<!-- begin: written by {name} -->")[2].partition("<!-- end")[0]
+    rows = [line for line in section.splitlines() if line.startswith("| ") and line.count("|") == cells + 1]
+    return {line.split("|")[1].strip(): line for line in rows[1:]}
+
+
 def provenance() -> str:
     """Date and machine, for the line above a table."""
     info = Path("/proc/cpuinfo")

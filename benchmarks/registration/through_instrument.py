@@ -2,7 +2,7 @@
 
 python benchmarks/registration/through_instrument.py --scans 20            # prints every scan and a summary
 python benchmarks/registration/through_instrument.py --scans 100 --write   # and writes docs/registration.md
-python benchmarks/registration/through_instrument.py --mesh other_hip.stl  # another hip bone, mm
+python benchmarks/registration/through_instrument.py --mesh other_hip.stl  # instead of the shipped one, mm
 
 Each scan runs through drivers, firmware, ranging and recording; covariances, responses and raster places are given to
 `register`, landmarks are not, and the model stands in a frame of its own.
@@ -24,7 +24,7 @@ sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
 import numpy as np  # noqa: E402 - threads must be limited first
 import scenes  # noqa: E402
 from bench_scans import BenchScan, take  # noqa: E402
-from marked import provenance, write_between_marks  # noqa: E402
+from marked import provenance, rows_between_marks, write_between_marks  # noqa: E402
 from synthetic_scans import facing_pose  # noqa: E402
 
 from registration import Model, pose_error, prepare_model, register  # noqa: E402
@@ -41,6 +41,12 @@ NAME = "benchmarks/registration/through_instrument.py"
 TISSUE_SHARE = 1.4
 """Area of the clumps over that of the socket; they overlap, so that about 42 % of the points lie off the bone."""
 
+HEAD = [
+    "| bone | scans | points off the bone | right | rotation, deg: median / worst right one "
+    "| socket centre, mm: the same | floor of the rotation, deg | verdict pass | of these wrong | CPU ms |",
+    "|---|---|---|---|---|---|---|---|---|---|",
+]
+WORTH_HEAD = ["| bone | covariances given | responses given | neither |", "|---|---|---|---|"]
 WORTH = "What the ranging's covariances and responses are worth: share right, median rotation and shift of all scans."
 
 SCAN = {"mode": "window", "rows": 40, "columns": 40}
@@ -178,26 +184,26 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scans", type=int, default=20)
     parser.add_argument("--seed-base", type=int, default=6000, help="seed of the first scan")
-    parser.add_argument("--mesh", action="append", default=[], help="another hip bone; may be repeated")
-    parser.add_argument("--write", action="store_true", help="write the table into docs/registration.md")
+    parser.add_argument(
+        "--mesh", action="append", default=[], help="another hip bone than the shipped one; may be repeated"
+    )
+    parser.add_argument(
+        "--write", action="store_true", help="put the rows into docs/registration.md; other bones' rows stay"
+    )
     options = parser.parse_args()
-    rows = [
-        "| bone | scans | points off the bone | right | rotation, deg: median / worst right one "
-        "| socket centre, mm: the same | floor of the rotation, deg | verdict pass | of these wrong | CPU ms |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    worth = ["| bone | covariances given | responses given | neither |", "|---|---|---|---|"]
-    for mesh in (None, *options.mesh):
+    rows = rows_between_marks("registration.md", NAME, 10)
+    worth = rows_between_marks("registration.md", NAME, 4)
+    for mesh in options.mesh or [None]:
         name = "shipped hip" if mesh is None else Path(mesh).stem
         trials = []
         for seed in range(options.seed_base, options.seed_base + options.scans):
             trials.append(trial(seed, mesh))
             print(name, "right" if trials[-1].right else "MISS", trials[-1], flush=True)
-        rows.append(summary(name, trials))
-        worth.append(given(name, trials))
-        print(rows[-1], worth[-1], sep="\n", flush=True)
-    if options.write:
-        write_between_marks("registration.md", NAME, [provenance(), "", *rows, "", WORTH, "", *worth])
+        rows[name], worth[name] = summary(name, trials), given(name, trials)
+        print(rows[name], worth[name], sep="\n", flush=True)
+        if options.write:
+            lines = [*HEAD, *rows.values(), "", WORTH, "", *WORTH_HEAD, *worth.values()]
+            write_between_marks("registration.md", NAME, [provenance(), "", *lines])
 
 
 if __name__ == "__main__":
