@@ -63,9 +63,15 @@ def differences(before: Calibration, after: Calibration) -> dict[str, float | st
         key = f"{method.replace('-', '_')}_range_largest_mm"
         found[key] = _largest_range_change(before, after, method)
     found["point_largest_mm"] = _largest_point_change(before, after)
+    found["instrument"] = "another" if _another(before, after) else "the same"
     found["days"] = (after.date - before.date).total_seconds() / 86400
     found["same"] = "yes" if before.digest == after.digest else "no"
     return found
+
+
+def _another(before: Calibration, after: Calibration) -> bool:
+    """Get whether a device that both name has changed."""
+    return any(after.serial_numbers.get(name, number) != number for name, number in before.serial_numbers.items())
 
 
 def _largest_range_change(before: Calibration, after: Calibration, method: Method) -> float | None:

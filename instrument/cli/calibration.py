@@ -30,7 +30,10 @@ def add_to(app: typer.Typer) -> None:
 
 @calibration.command("list", epilog="Example: picoradar calibration list gray geometry")
 def listed(files: Files = None, json: options.Json = False) -> None:
-    """List calibrations, the newest first; files that are none are named on stderr."""
+    """List calibrations, the newest first.
+
+    Files that are no calibrations are named on stderr.
+    """
     from instrument.calibration import Calibration
 
     found: list[tuple[Path, Calibration]] = []
@@ -63,7 +66,11 @@ def show(file: File, json: options.Json = False) -> None:
 
 @calibration.command(epilog="Example: picoradar calibration compare old.json new.json")
 def compare(before: File, after: File, json: options.Json = False) -> None:
-    """Say how two calibrations differ: in their values, and in millimetres at a point of the scan."""
+    """Say how two calibrations differ.
+
+    The second less the first: in their values, and in millimetres at a point of the scan; and whether they are of the
+    same instrument.
+    """
     from instrument.calibration import Calibration
     from instrument.calibration_checks import differences
 
@@ -76,7 +83,11 @@ def compare(before: File, after: File, json: options.Json = False) -> None:
 
 @calibration.command(epilog="Example: picoradar calibration status --settings bench.toml")
 def status(settings: options.SettingsFile = None, json: options.Json = False) -> None:
-    """Say which calibration is in force, and whether it is out of date for the devices that answer."""
+    """Say which one is in force, and whether it is out of date.
+
+    It is judged by the devices that answer (their serial numbers), the diode's temperature, its age, and what the
+    estimator in force needs. Exit status 1: out of date.
+    """
     from instrument.calibration_checks import out_of_date
     from instrument.cli.session import calibration_of
     from instrument.settings import Settings, load_settings
@@ -133,4 +144,5 @@ def _summary(one: Calibration) -> dict[str, Any]:
         "templates": one.templates is not None,
         "mirror_separation_mm": one.mirror_separation_mm,
         **{name: getattr(s, name) for name in type(s).model_fields},
+        **{f"{name}_sd": sd for name, sd in (one.geometry.sd if one.geometry else {}).items()},
     }

@@ -66,10 +66,16 @@ def write_outcome(
         "settings_digest": "sha256:" + hashlib.sha256(settings_text.encode()).hexdigest(),
         "calibration_digest": outcome.calibration.digest if outcome.calibration is not None else None,
     }
-    (folder / "figures.json").write_text(json.dumps({**result, **provenance}, indent=1) + "\n", encoding="utf-8")
-    page = _page(outcome, pictures, provenance, settings_text)
-    (folder / "report.html").write_text(page.html(), encoding="utf-8")
+    _write(folder / "figures.json", json.dumps({**result, **provenance}, indent=1) + "\n")
+    _write(folder / "report.html", _page(outcome, pictures, provenance, settings_text).html())
     return result
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a file as a whole or not at all, lest a full disk leave half a page."""
+    partial = path.with_name(path.name + ".partial")
+    partial.write_text(text, encoding="utf-8")
+    partial.replace(path)
 
 
 def _draw(folder: Path, plot: Plot) -> Picture:

@@ -95,6 +95,7 @@ def calibrate(levels: Sequence[Level], before: Calibration) -> Calibration:
     return bare.model_copy(
         update={
             "range_zero_mm": zero_mm,
+            "geometry": before.geometry.without("range_zero_mm") if before.geometry else None,
             "walk": {method: fit_walk(shifted[method]) for method in METHODS},
             "reference_ps": (middle_ps - REFERENCE_ROOM_PS, middle_ps + REFERENCE_ROOM_PS),
         }

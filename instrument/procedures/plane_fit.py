@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.calibration import Calibration
+from instrument.calibration import Calibration, GeometryUncertainty
 from instrument.procedures.planes import (
     COUNT,
+    PARAMETERS,
     PLANE_SIZES,
     SIZES,
     Beams,
@@ -94,7 +95,15 @@ class PlaneFit:
                 "mirror_separation_mm": float(self.values[0]),
                 "scanner": errors_of(self.values),
                 "range_zero_mm": float(self.values[6]),
+                "geometry": self._uncertainty(),
             }
+        )
+
+    def _uncertainty(self) -> GeometryUncertainty:
+        known = self.covariance[np.ix_(self.identified, self.identified)]
+        return GeometryUncertainty(
+            parameters=tuple(name for name, found in zip(PARAMETERS, self.identified, strict=True) if found),
+            covariance=tuple(tuple(row) for row in known.tolist()),
         )
 
 

@@ -86,3 +86,6 @@ def test_two_calibrations_are_compared_in_millimetres() -> None:
     assert found["template_range_largest_mm"] is None
     assert found["point_largest_mm"] == pytest.approx(0.93, abs=0.02)
     assert differences(CALIBRATION, CALIBRATION)["same"] == "yes"
+    assert found["instrument"] == "the same"
+    elsewhere = CALIBRATION.model_copy(update={"serial_numbers": {"sampler": "SB-2"}})
+    assert differences(CALIBRATION, elsewhere)["instrument"] == "another"

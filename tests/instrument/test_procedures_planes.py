@@ -86,6 +86,17 @@ def test_a_turn_of_the_whole_frame_is_said_to_be_unknown_and_not_returned() -> N
     assert "do not identify" in in_words(fit)[Y_OFFSET]
 
 
+def test_the_calibration_made_carries_the_covariance_of_what_is_known() -> None:
+    fit = calibrated(4)
+    made = fit.applied_to(BEFORE)
+    assert made.geometry is not None
+    known = [name for name, found in zip(PARAMETERS, fit.identified, strict=True) if found]
+    assert list(made.geometry.parameters) == known
+    np.testing.assert_allclose(list(made.geometry.sd.values()), fit.sd[fit.identified])
+    assert Calibration.from_json(made.model_dump_json(), "test") == made
+    assert "range_zero_mm" not in made.geometry.without("range_zero_mm").sd
+
+
 def test_one_square_pose_does_not_tell_separation_and_offsets_and_a_tilted_one_is_advised() -> None:
     poses = (Pose(800.0),)
     fit = calibrated(5, poses=poses)
