@@ -151,8 +151,8 @@ class WindowScan(RasterScan):
             again, _ = self._take(run_id, plan.codes[lost[0]], stops, wide, left_s, galvo, sampler, between)
             windows = windows.followed_by(LineWindows.of(plan.columns[lost], again, _forms(wide), retaken=True))
             ranges = range_line(plan.columns, windows, scale, self.calibration)
+        self._planner.learn(ranges)  # before the footprint is judged: half a spot on a rim is planned as it is seen
         ranges = self._mixed(row, ranges)
-        self._planner.learn(ranges)
         looked = None
         if look is not None:
             looked = range_windows(LineWindows.of([0], last, _forms([look[1]]), retaken=False), scale, self.calibration)

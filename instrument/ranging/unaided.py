@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import savgol_coeffs, savgol_filter
 
-from instrument.calibration import PEAK_ROOM_PS, ShotNoise, Templates
+from instrument.calibration import ShotNoise, Templates
+from instrument.calibration_parts import PEAK_ROOM_PS
 from instrument.ranging.half_maximum import half_maximum
 from instrument.ranging.learning import FROM_PS, PLACES, TO_PS, fit_noise, smoothing_window
 from instrument.ranging.pulses import coarse_traces, next_pulse

@@ -54,6 +54,17 @@ def test_no_place_is_lost_where_the_surface_jumps(scan: Any) -> None:
     assert window["truth"]["range_max_mm"] < 1.0
 
 
+def test_half_a_spot_beside_a_sloped_body_is_marked_and_not_taken_again_in_every_line(scan: Any) -> None:
+    window, path = scan("prism", "--grid", "6x40", "--mode", "window", "--target", "prism")
+    with Recording.open(path) as recording:
+        cloud = recording.cloud()
+    mixed = (cloud.flags & np.uint16(Flag.MIXED)) != 0
+    assert set(cloud.columns[mixed]) == {0, 39}  # the body is as wide as the raster
+    assert mixed.sum() >= 10
+    assert window["flags"].get("retaken", 0) <= 4
+    assert window["truth"]["range_max_mm"] < 1.0
+
+
 def test_the_same_seed_gives_the_same_windows(scan: Any) -> None:
     def cloud(name: str) -> np.ndarray:
         _, path = scan(name, "--grid", "2x5", "--mode", "window", "--seed", "4")
