@@ -17,6 +17,12 @@ from registration.rigid import rotation_from_vector
 GRAZING = np.float32(0.25)
 """Smallest cosine between beam and normal that a residual along the beam is stretched by."""
 
+AWAY = np.float32(-0.5)
+"""Cosine below which a surface faces away; on edges a field's normal may lean to either side."""
+
+CAST_MM = np.float32(4.0)
+"""Farthest that a beam is followed on a field."""
+
 RIDGE = np.array([0.04, 0.04, 0.04, 1e-4, 1e-4, 1e-4])
 """Stiffness a point (rad^-2, mm^-2) that holds motions which the surface leaves free; too small to slow others."""
 
@@ -54,6 +60,8 @@ class Sampled:
     ----------
     moved : (3, K, M) array
         Points in the view's frame, mm.
+    beams : (3, K, M) array
+        Directions of the beams in the view's frame.
     distance : (K, M) array
         Signed, mm.
     gradient : (K, M, 3) array
@@ -62,13 +70,16 @@ class Sampled:
     """
 
     moved: Float32Array
+    beams: Float32Array
     distance: Float32Array
     gradient: Float32Array
     cosine: Float32Array
 
     def at(self, index: IntArray) -> Sampled:
         """Pick some of the poses."""
-        return Sampled(self.moved[:, index], self.distance[index], self.gradient[index], self.cosine[index])
+        return Sampled(
+            self.moved[:, index], self.beams[:, index], self.distance[index], self.gradient[index], self.cosine[index]
+        )
 
     def along_beam(self) -> Float32Array:
         """Residuals along the beams (K, M) mm: how far in front of bone (+) or inside it (-) each beam ended."""
@@ -82,12 +93,27 @@ def sample(field: DistanceField, poses: Poses, points: Float32Array, beams: Floa
     moved = (stacked @ points).reshape(3, count, -1)
     moved += poses.shifts.T[:, :, None]
     turned = (stacked @ beams).reshape(3, count, -1)
+    return _sampled(field, moved, turned)
+
+
+def cast(field: DistanceField, found: Sampled) -> Sampled:
+    """Follow the beams from `found` to the surface, one Newton step on the field: what a cast beam would have met.
+
+    The distances of the result are those of the measured points from the tangent planes where the beams meet bone.
+    """
+    ahead = np.clip(found.along_beam(), -CAST_MM, CAST_MM)
+    met = _sampled(field, found.moved + found.beams * ahead, found.beams)
+    distance = met.distance + ahead * np.maximum(met.cosine, GRAZING)
+    return Sampled(met.moved, met.beams, distance, met.gradient, met.cosine)
+
+
+def _sampled(field: DistanceField, moved: Float32Array, beams: Float32Array) -> Sampled:
     distance, gradient = field.sample(moved)
-    cosine = turned[0] * gradient[..., 0]
-    cosine += turned[1] * gradient[..., 1]
-    cosine += turned[2] * gradient[..., 2]
+    cosine = beams[0] * gradient[..., 0]
+    cosine += beams[1] * gradient[..., 1]
+    cosine += beams[2] * gradient[..., 2]
     np.negative(cosine, out=cosine)
-    return Sampled(moved, distance, gradient, cosine)
+    return Sampled(moved, beams, distance, gradient, cosine)
 
 
 def one_sided(residuals: Float32Array, scale_mm: float, inside: float) -> tuple[Float32Array, Float32Array]:
@@ -113,7 +139,7 @@ def one_sided(residuals: Float32Array, scale_mm: float, inside: float) -> tuple[
 def scores(found: Sampled, scale_mm: float, inside: float) -> Float32Array:
     """Mean one-sided loss (K,) a point; a point on a surface that faces away counts as inside."""
     loss, _ = one_sided(found.along_beam(), scale_mm, inside)
-    loss[found.cosine <= 0] = inside
+    loss[found.cosine <= AWAY] = inside
     return np.asarray(loss.mean(axis=1), dtype=np.float32)
 
 

@@ -20,7 +20,7 @@ from registration.quality import plane_rows
 from registration.rigid import orthonormalised, small_motion, transform
 from registration.scan import Scan
 from registration.surface import Closest, Surface
-from registration.tissue import bone_probability
+from registration.tissue import bone_probability, log_likelihood
 
 STRAY_SIGMA = 3.5
 """Residuals larger than this many sigma have no weight."""
@@ -39,6 +39,9 @@ MAX_CASTS = 6
 
 FACING = 0.05
 """Smallest cosine between beam and normal of a point that can have been seen."""
+
+INSIDE_MM = 10.0
+"""Residual that stands for "this cannot be"."""
 
 STEEP = 0.1
 """Smallest cosine that a residual along the beam is stretched by."""
@@ -61,6 +64,8 @@ class Final:
         Given, or as the residuals show it.
     history : list of Iteration
         Residuals of the bone points, step by step.
+    log_likelihood : float
+        Mean a point; minus infinity when too few points are left.
     """
 
     model_from_scanner: FloatArray
@@ -69,6 +74,7 @@ class Final:
     inliers: BoolArray
     noise: NoiseModel
     history: list[Iteration]
+    log_likelihood: float
 
 
 def exact_finish(
@@ -108,7 +114,8 @@ def exact_finish(
             sigma = noise.plane_sigma(scan, solution[:3, :3], tangent.normals)
             bone, inliers = tangent.bone(residual, sigma, around)
             if inliers.sum() < 6:
-                return Final(solution, tangent.met(scan, surface, solution, residual), bone, inliers, noise, history)
+                met = tangent.met(scan, surface, solution, residual)
+                return Final(solution, met, bone, inliers, noise, history, -np.inf)
             if not noise_known:
                 along = (residual * tangent.stretch)[inliers & (tangent.cosine > 0.5)]
                 noise = replace(noise, range_mm=estimated_range_noise(along, noise.range_mm))
@@ -122,7 +129,8 @@ def exact_finish(
     residual = tangent.residual(x)
     sigma = noise.plane_sigma(scan, solution[:3, :3], tangent.normals)
     bone, inliers = tangent.bone(residual, sigma, around)
-    return Final(solution, tangent.met(scan, surface, solution, residual), bone, inliers, noise, history)
+    likelihood = tangent.likelihood(residual, sigma, around)
+    return Final(solution, tangent.met(scan, surface, solution, residual), bone, inliers, noise, history, likelihood)
 
 
 @dataclass(frozen=True)
@@ -164,6 +172,11 @@ class _Tangent:
         """Probability of bone (N,), and the points that count as it."""
         probability = bone_probability(residual * self.stretch, sigma * self.stretch, around) * self.usable
         return probability, (probability > 0.5) & (np.abs(residual) < STRAY_SIGMA * sigma)
+
+    def likelihood(self, residual: FloatArray, sigma: FloatArray, around: IntArray) -> float:
+        """Mean log likelihood a point; a beam that misses the model, or meets its back, cannot be."""
+        along = np.where(self.usable, residual * self.stretch, -INSIDE_MM)
+        return float(log_likelihood(along, sigma * self.stretch, around).mean())
 
     def solve(self, weight: FloatArray) -> FloatArray:
         """Weighted least-squares motion (6,)."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from registration._types import FloatArray, IntArray
-from registration.batch import Poses, Sampled, sample, step
+from registration.batch import AWAY, Poses, Sampled, cast, sample, step
 from registration.field import DistanceField, Float32Array
 from registration.race import beam_weights
 from registration.tissue import bone_probability, log_likelihood
@@ -21,7 +21,7 @@ def polish(
     beams: Float32Array,
     around: IntArray,
     sigma_mm: float,
-    iterations: int = 5,
+    iterations: tuple[int, int] = (5, 0),
 ) -> tuple[Poses, FloatArray]:
     """Refine candidate poses with bone probabilities as weights; return them with mean log likelihoods (K,).
 
@@ -34,18 +34,21 @@ def polish(
         Neighbours of these points.
     sigma_mm : float
         Noise along the beam.
-    iterations : int
+    iterations : (int, int)
+        Steps on the closest points, which reach far, and steps on cast beams, which are exact.
     """
-    for _ in range(iterations):
+    for turn in range(sum(iterations)):
         found = sample(field, poses, points, beams)
+        if turn >= iterations[0]:
+            found = cast(field, found)
         probability = bone_probability(_along_beam(found), sigma_mm, around).astype(np.float32)
         poses = step(poses, found, beam_weights(found, probability), damping=1e-6)
-    likelihood = log_likelihood(_along_beam(sample(field, poses, points, beams)), sigma_mm, around)
+    likelihood = log_likelihood(_along_beam(cast(field, sample(field, poses, points, beams))), sigma_mm, around)
     return poses, likelihood.mean(axis=1)
 
 
 def _along_beam(found: Sampled) -> Float32Array:
     """Residuals along the beams; a surface that faces away counts as deep inside."""
     residual = found.along_beam()
-    residual[found.cosine <= 0] = -INSIDE_MM
+    residual[found.cosine <= AWAY] = -INSIDE_MM
     return residual

@@ -42,11 +42,21 @@ class Heat:
 
 
 HEATS = (
-    Heat(160, False, 256, (2.5, 2.0), 5.0),
-    Heat(200, False, 96, (1.5, 1.2, 1.0), 5.0),
-    Heat(400, True, 32, (1.0, 0.9, 0.8), 4.0),
-    Heat(800, True, 12, (0.8, 0.8, 0.8, 0.8), 4.0),
+    Heat(160, False, 256, (1.4, 1.0), 25.0),
+    Heat(200, False, 96, (1.0, 0.8, 0.7), 25.0),
+    Heat(400, True, 32, (0.7, 0.7, 0.7), 25.0),
+    Heat(800, True, 12, (0.7, 0.7, 0.7, 0.7), 25.0),
 )
+
+RANKED_INSIDE = 5.0
+"""Largest loss inside bone where poses are ranked."""
+
+NEAR_HEATS = (
+    Heat(250, True, 128, (1.0, 0.8, 0.7), 25.0),
+    Heat(400, True, 32, (0.7, 0.7, 0.7), 25.0),
+    Heat(800, True, 12, (0.7, 0.7, 0.7), 25.0),
+)
+"""Heats of a race about a minimum."""
 
 STRATA_MM = (1.0, -1.0, -2.5)
 """Heights over the sphere that part the points: hollows beyond it, the sphere itself, low tissue, high tissue."""
@@ -105,7 +115,7 @@ def telling_order(points: FloatArray, centre: FloatArray, radius_mm: float, draw
     return order[np.argsort(turn, kind="stable")]
 
 
-def race(view: View, cloud: Cloud, poses: Poses, stretch: float = 1.0) -> Poses:
+def race(view: View, cloud: Cloud, poses: Poses, stretch: float = 1.0, heats: tuple[Heat, ...] = HEATS) -> Poses:
     """Run the heats from `poses` and return the finishers, best first.
 
     Parameters
@@ -115,14 +125,15 @@ def race(view: View, cloud: Cloud, poses: Poses, stretch: float = 1.0) -> Poses:
     poses : Poses
     stretch : float
         Factor on all scales of the loss, for noisier instruments.
+    heats : tuple of Heat
     """
-    for number, heat in enumerate(HEATS):
+    for number, heat in enumerate(heats):
         points, beams = cloud.first(heat.points)
         field = view.fine if heat.fine else view.coarse
         for turn, scale in enumerate(heat.scales_mm):
             found = sample(field, poses, points, beams)
             if turn == 0 and number > 0:
-                score = scores(found, scale * stretch, heat.inside)
+                score = scores(found, scale * stretch, RANKED_INSIDE)
                 best = np.argsort(score, kind="stable")[: heat.entrants]
                 poses, found = poses.at(best), found.at(best)
             _, weight = one_sided(found.along_beam(), scale * stretch, heat.inside)

@@ -12,14 +12,17 @@ import numpy as np
 from registration._types import FloatArray, IntArray
 from registration.assess import Solution
 from registration.exclusion import outside_regions
-from registration.finish import exact_finish
+from registration.finish import Final, exact_finish
 from registration.model import Model
 from registration.noise import TYPICAL_RANGE_MM, NoiseModel
 from registration.result import Rival
 from registration.rigid import transform
 from registration.scan import Scan
-from registration.search import SURE_HITS, Search, difference
+from registration.search import SAME_DEG, SAME_MM, Candidate, Search, difference
 from registration.tissue import neighbours, raster_noise
+
+FINISHED, WITHIN = 3, 60.0
+"""So many candidates are finished, if their log likelihoods are within this of the best; the likeliest is taken."""
 
 MAX_RIVALS = 5
 """Rivals reported at most."""
@@ -45,25 +48,44 @@ def register_robust(
     sigma = initial_noise(scan, around, noise_mm)
     search = Search(scan, around, model, sigma)
     candidates = search.from_anywhere() if start is None else search.about(start)
-    best = candidates[0].model_from_scanner
-    allowed = outside_regions(transform(best, scan.points), regions)
     known = noise_mm is not None or scan.covariance is not None
-    final = exact_finish(scan, model.surface, best, NoiseModel(sigma), around, allowed, noise_known=known)
+
+    def finished(candidate: Candidate) -> Final:
+        allowed = outside_regions(transform(candidate.model_from_scanner, scan.points), regions)
+        start, noise = candidate.model_from_scanner, NoiseModel(sigma)
+        return exact_finish(scan, model.surface, start, noise, around, allowed, noise_known=known)
+
+    least = candidates[0].log_likelihood - WITHIN / len(search.thin)
+    finals = [finished(c) for c in candidates[:FINISHED] if c.log_likelihood >= least]
+    final = max(finals, key=lambda f: f.log_likelihood)
+    best = final.model_from_scanner
+    ends = [(f.model_from_scanner, f.log_likelihood) for f in finals]
+    offset = finals[0].log_likelihood - candidates[0].log_likelihood
+    ends += [(c.model_from_scanner, c.log_likelihood + offset) for c in candidates[len(finals) :]]
     return Solution(
         model_from_scanner=final.model_from_scanner,
         closest=final.met,
         inliers=final.inliers,
         history=final.history,
-        rivals=[
-            Rival(c.model_from_scanner, -c.log_likelihood, *difference(c.model_from_scanner, best, search.middle))
-            for c in candidates[1 : MAX_RIVALS + 1]
-        ],
+        rivals=rivals_of(best, ends, search.middle),
         noise=final.noise,
         around=around,
-        cost=-candidates[0].log_likelihood,
+        cost=-final.log_likelihood,
         method="robust",
-        sure=start is not None or candidates[0].hits >= SURE_HITS,
+        sure=start is not None or search.sure(candidates),
     )
+
+
+def rivals_of(best: FloatArray, ends: list[tuple[FloatArray, float]], middle: FloatArray) -> list[Rival]:
+    """Minima other than the best, the likeliest first, each once: from poses with their log likelihoods."""
+    rivals: list[Rival] = []
+    known = [best]
+    for found, log_likelihood in sorted(ends, key=lambda e: -e[1]):
+        apart = [difference(found, other, middle) for other in known]
+        if all(turn >= SAME_DEG or shift >= SAME_MM for turn, shift in apart):
+            known.append(found)
+            rivals.append(Rival(found, -log_likelihood, *apart[0]))
+    return rivals[:MAX_RIVALS]
 
 
 def initial_noise(scan: Scan, around: IntArray, noise_mm: float | None) -> float:

@@ -14,7 +14,7 @@ from registration.errors import StartError
 from registration.model import Model
 from registration.noise import TYPICAL_RANGE_MM
 from registration.polish import polish
-from registration.race import Cloud, distinct, race, shuffle, telling_order
+from registration.race import HEATS, NEAR_HEATS, Cloud, Heat, distinct, race, shuffle, telling_order
 from registration.rigid import inverse, pose, rotation_angle_deg, transform
 from registration.scan import Scan
 from registration.seeds import rotations_in_cone, rotations_near
@@ -25,14 +25,14 @@ from registration.visibility import visible_centroids
 STARTS = 256
 """Rotations that enter one race."""
 
-MAX_RACES = 6
+MAX_RACES = 4
 """Races run at most while the best minimum is not sure."""
 
 WHOLE_RACES = 3
 """Races run at least on a whole model: manufactured bodies are symmetric, and their rivals should be seen."""
 
 SURE_HITS = 3
-"""A minimum that so many finishers of one race reach, or that wins two races, is sure."""
+"""A minimum that so many finishers of one race reach, or that wins two races, is sure; so is one that is clear."""
 
 START_CONE_DEG = 25.0
 """How far clicked landmarks may be off."""
@@ -48,6 +48,12 @@ COVERED = 0.6
 
 FINE_STEP_MM = 1.5
 """The prepared view of a whole model serves starts when its field is as fine as this."""
+
+CLEAR = 40.0
+"""A minimum is clear when its log likelihood exceeds the next one's by so much."""
+
+CLEAR_LOOK, UNCLEAR_LOOK = (8.0, 32), (30.0, 128)
+"""Half angle (deg) and starts of the closer look about the best minimum."""
 
 FINALISTS = 6
 """Candidates of a race that are polished to the end."""
@@ -72,6 +78,7 @@ class Candidate:
     model_from_scanner: FloatArray
     log_likelihood: float
     hits: int
+    view: View
 
 
 class Search:
@@ -122,9 +129,34 @@ class Search:
             for view, centres in zip(self.model.views, self.centres, strict=True):
                 if centres:
                     found = merged(found, self._raced(view, centres, draw), self.middle)
-            if found[0].hits >= SURE_HITS and draw + 1 >= least:
+            found = merged(found, self._near(found, draw), self.middle, bonus=0)
+            if self.sure(found) and draw + 1 >= least:
                 break
         return found
+
+    def sure(self, found: list[Candidate]) -> bool:
+        """Whether the best minimum was met often enough, or stands out so clearly, that no better one was missed."""
+        return found[0].hits >= SURE_HITS or self._margin(found) > CLEAR
+
+    def _margin(self, found: list[Candidate]) -> float:
+        """How much better the best minimum explains all points than the next."""
+        if len(found) < 2:
+            return float("inf")
+        return (found[0].log_likelihood - found[1].log_likelihood) * len(self.thin)
+
+    def _near(self, found: list[Candidate], draw: int) -> list[Candidate]:
+        """Minima about the best one: a narrow look where it is clear, a wide one where others are nearly as good."""
+        best = found[0]
+        width_deg, starts = CLEAR_LOOK if self._margin(found) > CLEAR else UNCLEAR_LOOK
+        view = best.view
+        centre = self.centres[[v is view for v in self.model.views].index(True)][0]
+        rotations = rotations_near(best.model_from_scanner[:3, :3], width_deg, starts, draw * starts)
+        shift = transform(best.model_from_scanner, centre[None])[0] - view.centre
+        order = shuffle(len(self.scan), draw)
+        if view.is_socket:
+            order = telling_order(self.scan.points, centre, view.radius_mm, draw)
+        near = self._finishers(view, centre, order, rotations, np.tile(shift, (starts, 1)), NEAR_HEATS)
+        return [replace(c, hits=0) for c in near]
 
     def about(self, start: FloatArray) -> list[Candidate]:
         """Distinct minima within `START_CONE_DEG` of a start pose (4, 4), best first."""
@@ -156,21 +188,29 @@ class Search:
         return self._finishers(view, centres[0], order, rotations, shifts)
 
     def _finishers(
-        self, view: View, centre: FloatArray, order: IntArray, rotations: FloatArray, shifts: FloatArray
+        self,
+        view: View,
+        centre: FloatArray,
+        order: IntArray,
+        rotations: FloatArray,
+        shifts: FloatArray,
+        heats: tuple[Heat, ...] = HEATS,
     ) -> list[Candidate]:
         cloud = Cloud.about(self.scan.points, self.scan.beams, centre, order)
-        finishers = race(view, cloud, Poses(rotations.astype(np.float32), shifts.astype(np.float32)), self.stretch)
+        finishers = race(
+            view, cloud, Poses(rotations.astype(np.float32), shifts.astype(np.float32)), self.stretch, heats
+        )
         first, hits = distinct(finishers)
         points = np.ascontiguousarray((self.thin.points - centre).T, dtype=np.float32)
         beams = np.ascontiguousarray(self.thin.beams.T, dtype=np.float32)
         around, sigma = self.thin_around, self.sigma_mm
         polished, likelihood = polish(view.fine, finishers.at(first), points, beams, around, sigma)
         best = np.argsort(-likelihood, kind="stable")[:FINALISTS]
-        polished, likelihood = polish(view.fine, polished.at(best), points, beams, around, sigma)
+        polished, likelihood = polish(view.fine, polished.at(best), points, beams, around, sigma, (2, 3))
         hits = hits[best]
         rotation = polished.rotations.astype(np.float64)
         poses = pose(rotation, view.centre + polished.shifts - rotation @ centre)
-        found = [Candidate(p, float(v), int(h)) for p, v, h in zip(poses, likelihood, hits, strict=True)]
+        found = [Candidate(p, float(v), int(h), view) for p, v, h in zip(poses, likelihood, hits, strict=True)]
         return merged([], found, self.middle, bonus=0)
 
     def _view_at(self, start: FloatArray) -> View:
