@@ -17,6 +17,9 @@ from registration.quality import plane_rows
 from registration.rigid import small_motion, transform
 from registration.surface import Surface
 
+FIRST_DAMPING, LEAST_DAMPING = 1e-3, 1e-9
+"""Of the Levenberg-Marquardt steps, relative to the diagonal of the normal matrix."""
+
 HAT_REACH_RAD, HAT_REACH_MM = float(np.radians(20.0)), 20.0
 """How far Powell's line searches may go from the start; without bounds their first brackets leave the head."""
 
@@ -24,7 +27,9 @@ HAT_REACH_RAD, HAT_REACH_MM = float(np.radians(20.0)), 20.0
 def plane_icp(
     points: FloatArray, surface: Surface, start: FloatArray, loss: Loss, *, max_iterations: int = 60
 ) -> FloatArray:
-    """Point-to-plane ICP under any robust criterion.
+    """Point-to-plane ICP under any robust criterion, by Levenberg-Marquardt steps.
+
+    Without damping the steps circle: a socket that is nearly a sphere hardly holds its rotations.
 
     Parameters
     ----------
@@ -42,17 +47,24 @@ def plane_icp(
     (4, 4) array
         `model_from_scanner`.
     """
-    solution = start
+    solution, damping = start, FIRST_DAMPING
+    moved = transform(solution, points)
+    closest = surface.closest(moved)
     for _ in range(max_iterations):
-        moved = transform(solution, points)
-        closest = surface.closest(moved)
         centre = np.asarray(moved.mean(axis=0), dtype=np.float64)
+        weights = loss.weights(closest.signed_mm)
         rows = plane_rows(moved, closest.normals, centre)
-        weighted = rows * loss.weights(closest.signed_mm)[:, None]
-        normal = weighted.T @ rows
-        normal += 1e-9 * np.diag(np.diag(normal) + 1e-9)
-        x = np.asarray(-np.linalg.solve(normal, weighted.T @ closest.signed_mm), dtype=np.float64)
-        solution = small_motion(x, centre) @ solution
+        normal = (rows * weights[:, None]).T @ rows
+        damped = normal + np.diag(damping * np.diag(normal) + 1e-9)
+        x = np.asarray(-np.linalg.solve(damped, rows.T @ (weights * closest.signed_mm)), dtype=np.float64)
+        ahead = small_motion(x, centre) @ solution
+        moved_ahead = transform(ahead, points)
+        closest_ahead = surface.closest(moved_ahead)
+        if weights @ closest_ahead.signed_mm**2 <= weights @ closest.signed_mm**2:
+            solution, moved, closest = ahead, moved_ahead, closest_ahead
+            damping = max(damping / 10.0, LEAST_DAMPING)
+        else:
+            damping *= 10.0
         if np.linalg.norm(x[:3]) < 1e-7 and np.linalg.norm(x[3:]) < 1e-6:
             break
     return solution
