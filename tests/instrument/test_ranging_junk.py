@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from instrument.calibration import Calibration
-from instrument.ranging import Ranges, WindowTraces, estimate, estimate_windows
-from instrument.scan_line import NO_RANGE
+from instrument.calibration import Calibration, Method
+from instrument.ranging import Place, Ranges, Window, WindowTraces, estimate, estimate_places, estimate_windows
+from instrument.scan_line import NO_RANGE, Flag
 
 Receiver = Any  # SyntheticReceiver of conftest.py
 
@@ -67,3 +67,64 @@ def test_windows(receiver: Receiver, calibrated: Calibration, seed: int) -> None
     )
     for shared in (False, True):
         check(estimate_windows(first, second, calibration=calibrated, shared_reference=shared))
+
+
+def wrong_inputs(receiver: Receiver, times_ps: np.ndarray, pulses_ps: tuple[float, ...]) -> dict[str, np.ndarray]:
+    """Traces that are wrong, by name; ``pulses_ps`` are the places of reference, echo and a second echo."""
+    noise = np.random.default_rng(8).normal(0.0, 0.6, times_ps.size)
+    pulses = [receiver.pulse(times_ps - place, 45.0) for place in pulses_ps]
+    return {
+        "zeros": np.zeros(times_ps.size),
+        "noise": noise,
+        "saturated": np.full(times_ps.size, 111.5),
+        "one pulse": pulses[0] + noise,
+        "three pulses": sum(pulses) + noise,
+        "wrong length": (pulses[0] + pulses[1] + noise)[:-7],
+        "not a number": np.where(np.arange(times_ps.size) == 5, np.nan, pulses[0] + pulses[1] + noise),
+    }
+
+
+@pytest.mark.parametrize("method", ["half-maximum", "template"])
+def test_each_wrong_trace_has_its_flag(receiver: Receiver, calibrated: Calibration, method: Method) -> None:
+    times, reference = receiver.times_ps, receiver.reference_ps
+    wrong = wrong_inputs(receiver, times, (reference, reference + 4000.0, reference + 5600.0))
+    found = estimate(list(wrong.values()), times, method=method, calibration=calibrated)
+    flags = {name: Flag(int(value)) for name, value in zip(wrong, found.flags, strict=True)}
+    assert flags == {
+        "zeros": Flag.NO_REFERENCE,
+        "noise": Flag.NO_REFERENCE,
+        "saturated": Flag.NO_REFERENCE | Flag.CLIPPED,
+        "one pulse": Flag.NO_ECHO,
+        "three pulses": Flag.MIXED,
+        "wrong length": Flag.NO_REFERENCE,
+        "not a number": Flag.NO_REFERENCE,
+    }
+    assert np.isfinite(found.range_mm).tolist() == [name == "three pulses" for name in wrong]
+
+
+@pytest.mark.parametrize("wide", [False, True])
+def test_each_wrong_window_has_its_flag(receiver: Receiver, calibrated: Calibration, wide: bool) -> None:
+    half, reference = receiver.half_ps(45.0), receiver.reference_ps
+    near = Window(round(reference + half - 200.0, 1), 10.0, 60, 1)
+    echo = Window(round(reference + half + 3800.0, 1), 13.4, 300 if wide else 60, 1)
+    own = near.start_ps + near.step_ps * np.arange(near.samples)
+    good = receiver.pulse(own - reference, 45.0) + np.random.default_rng(2).normal(0.0, 0.6, own.size)
+    times = echo.start_ps + echo.step_ps * np.arange(echo.samples)
+    second = 5600.0 if wide else 4260.0  # in the narrow window the two make one form that is not that of a pulse
+    wrong = wrong_inputs(receiver, times, (reference, reference + 4000.0, reference + second))
+    place = Place(near, echo, wide=wide)
+    found = estimate_places([place] * len(wrong), [(good, trace) for trace in wrong.values()], calibration=calibrated)
+    flags = {name: Flag(int(value)) for name, value in zip(wrong, found.flags, strict=True)}
+    flags["three pulses"] &= ~Flag.WALK_EXTRAPOLATED  # two in one form may be brighter than what was calibrated
+    assert flags == {
+        "zeros": Flag.NO_ECHO,
+        "noise": Flag.NO_ECHO,
+        "saturated": Flag.NO_ECHO | Flag.CLIPPED,
+        "one pulse": Flag.NO_ECHO,
+        "three pulses": Flag.MIXED,
+        "wrong length": Flag.NO_ECHO,
+        "not a number": Flag.NO_ECHO,
+    }
+    assert np.isfinite(found.range_mm).tolist() == [name == "three pulses" for name in wrong]
+    swapped = estimate_places([Place(echo, near, wide=wide)], [(wrong["noise"], good)], calibration=calibrated)
+    assert Flag(int(swapped.flags[0])) == Flag.NO_REFERENCE
