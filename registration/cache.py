@@ -27,7 +27,7 @@ from registration.field import DistanceField
 from registration.mesh import MeshReport
 from registration.views import View
 
-VERSION = 3
+VERSION = 4
 """Raised whenever preparation or the file's layout changes."""
 
 Prepared = tuple[FloatArray, IntArray, MeshReport, tuple[View, ...]]

@@ -71,7 +71,7 @@ def build_fields(
     high: FloatArray,
     *,
     step_mm: float = 1.0,
-    band_mm: float = 2.5,
+    band_mm: float = 1.75,
 ) -> tuple[DistanceField, DistanceField]:
     """Build a fine field of `step_mm` and a coarse one of twice that over one box.
 

@@ -55,6 +55,9 @@ CLEAR = 40.0
 CLEAR_LOOK, UNCLEAR_LOOK = (8.0, 32), (30.0, 128)
 """Half angle (deg) and starts of the closer look about the best minimum."""
 
+OTHER_RADII = (0.96, 1.04)
+"""Further radii of the socket's sphere, as shares of the model's, that are tried where the first race is not clear."""
+
 FINALISTS = 6
 """Candidates of a race that are polished to the end."""
 
@@ -113,6 +116,21 @@ class Search:
             for view in self.model.views
         ]
 
+    @cached_property
+    def more_centres(self) -> list[list[FloatArray]]:
+        """The same for spheres a little smaller and larger, too: sockets are no true spheres."""
+        return [
+            centres
+            if view.whole
+            else centres
+            + [
+                centre
+                for factor in OTHER_RADII
+                for centre in sphere_centres(self.scan.points, self.towards, factor * view.radius_mm, 2)
+            ]
+            for view, centres in zip(self.model.views, self.centres, strict=True)
+        ]
+
     def from_anywhere(self) -> list[Candidate]:
         """Distinct minima, best first; races are run until the best one is sure.
 
@@ -126,11 +144,13 @@ class Search:
         found: list[Candidate] = []
         least = WHOLE_RACES if any(view.whole for view in self.model.views) else 1
         for draw in range(MAX_RACES):
-            for view, centres in zip(self.model.views, self.centres, strict=True):
+            anchors = self.centres if draw == 0 else self.more_centres
+            for view, centres in zip(self.model.views, anchors, strict=True):
                 if centres:
                     found = merged(found, self._raced(view, centres, draw), self.middle)
             found = merged(found, self._near(found, draw), self.middle, bonus=0)
-            if self.sure(found) and draw + 1 >= least:
+            enough = self._margin(found) > CLEAR or (draw > 0 and self.sure(found))
+            if enough and draw + 1 >= least:
                 break
         return found
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from registration._types import FloatArray
+from registration.centres import WIDTH_MM, sphere_centres
 from registration.errors import StartError
 from registration.field import DistanceField, build_fields
 from registration.sockets import Socket, find_sockets
@@ -29,6 +30,15 @@ WHOLE_STEPS = 90
 SHELL_CONE_DEG = 30.0
 """A shell holds what can be seen from directions within this angle of the view's axis."""
 
+
+SEEN_RADII = 1.2
+"""A socket's scan reaches so many radii from its centre."""
+
+AS_SCANNED = 1500
+"""Points drawn from a model to see it as a scan does."""
+
+RADIUS_FACTORS = np.array([0.92, 0.96, 1.0, 1.04, 1.08])
+"""Radii tried, as shares of that of the socket's fit."""
 
 CELL_MM = 20.0
 """Starts that look at places nearer than this share a view."""
@@ -92,7 +102,33 @@ def whole_view(surface: Surface) -> View:
 def socket_view(surface: Surface, socket: Socket) -> View:
     """Prepare the view of one socket."""
     axis = opening(surface, socket)
-    return _view(surface, socket.centre, socket.radius_mm, axis, socket.radius_mm + REACH_MM)
+    centre, radius = as_scanned(surface, socket, axis)
+    return _view(surface, centre, radius, axis, radius + REACH_MM)
+
+
+def as_scanned(surface: Surface, socket: Socket, axis: FloatArray) -> tuple[FloatArray, float]:
+    """Centre (3,) and radius of the socket's sphere as a scan from in front of it would show them.
+
+    A socket that is no true sphere has no one centre: what counts is that model and scan agree on it, so it is found
+    here as it is found there.
+    """
+    offset = surface.vertices[surface.faces].mean(axis=1) - socket.centre
+    along = offset @ axis
+    aside = np.linalg.norm(offset - along[:, None] * axis, axis=1)
+    reach = SEEN_RADII * socket.radius_mm
+    facing = surface.face_normals @ axis
+    seen = (facing > 0.1) & (aside < reach) & (np.abs(along) < reach)
+    share = surface.face_areas[seen] * facing[seen]
+    drawn = np.random.default_rng(0).choice(np.flatnonzero(seen), AS_SCANNED, p=share / share.sum())
+    points = socket.centre + offset[drawn]
+    best = (0.0, socket.centre, socket.radius_mm)
+    for radius in socket.radius_mm * RADIUS_FACTORS:
+        for centre in sphere_centres(points, axis, radius, 1):
+            gap = np.linalg.norm(points - centre, axis=1) - radius
+            near = bool(np.linalg.norm(centre - socket.centre) < 0.5 * socket.radius_mm)
+            support = float((1.0 / (1.0 + (gap / WIDTH_MM) ** 2)).mean()) * near
+            best = max(best, (support, centre, float(radius)), key=lambda found: found[0])
+    return best[1], best[2]
 
 
 @dataclass(frozen=True)
