@@ -10,7 +10,7 @@ import pytest
 from instrument.calibration import Calibration, ScannerErrors, Walk
 from instrument.calibration_checks import differences, out_of_date
 from instrument.procedures import PROCEDURES
-from instrument.procedures.drift import allan_deviation
+from instrument.procedures.drift import allan_deviation, warm_after
 from instrument.procedures.findings import lost_readings
 from instrument.procedures.light import Light
 from instrument.procedures.prism_body import distances, model_places
@@ -39,6 +39,14 @@ def test_allan_deviation_of_a_ramp_and_of_white_noise() -> None:
     np.testing.assert_allclose(ramp, 0.05 * times / np.sqrt(2))  # drift D gives D tau / sqrt 2 (NIST SP 1065)
     times, white = allan_deviation(np.random.default_rng(1).normal(0, 1, 6000), 1.0)
     np.testing.assert_allclose(white[:6], times[:6] ** -0.5, rtol=0.06)
+
+
+def test_the_end_of_a_warm_up_is_found() -> None:
+    times = 120.0 * np.arange(60.0)
+    wander = np.random.default_rng(2).normal(0, 1.0, 60)
+    assert warm_after(times, wander) == 0.0
+    assert warm_after(times, wander + 40 * np.exp(-times / 600.0)) == pytest.approx(1320.0, abs=360.0)
+    assert warm_after(times, wander + times / 100.0) is None
 
 
 def test_a_gaussian_light_pulse_is_measured() -> None:
