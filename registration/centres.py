@@ -44,7 +44,7 @@ def sphere_centres(points: FloatArray, towards: FloatArray, radius_mm: float, co
     squared = (centres**2).sum(axis=1)[:, None] + (thin**2).sum(axis=1)[None] - 2.0 * centres @ thin.T
     gap = (np.sqrt(np.maximum(squared, 0.0)) - radius_mm) / WIDTH_MM
     support = (1.0 / (1.0 + gap * gap)).sum(axis=1)
-    thick = local[:: max(1, len(local) // 1500)]
+    thick = local[:: max(1, len(local) // 700)]
     found: list[tuple[float, FloatArray]] = []
     for index in np.argsort(-support, kind="stable")[:40]:
         if _apart(centres[index], found):
@@ -55,6 +55,12 @@ def sphere_centres(points: FloatArray, towards: FloatArray, radius_mm: float, co
             break
     found.sort(key=lambda entry: -entry[0])
     return [centre + mean for _, centre in found]
+
+
+def sphere_support(points: FloatArray, centre: FloatArray, radius_mm: float) -> float:
+    """Share of the points (N, 3) that lie on a sphere, softly counted."""
+    gap = np.linalg.norm(points - centre, axis=1) - radius_mm
+    return float((1.0 / (1.0 + (gap / WIDTH_MM) ** 2)).mean())
 
 
 def _apart(centre: FloatArray, found: list[tuple[float, FloatArray]]) -> bool:

@@ -53,8 +53,8 @@ RANKED_INSIDE = 5.0
 
 NEAR_HEATS = (
     Heat(250, True, 128, (1.0, 0.8, 0.7), 25.0),
-    Heat(400, True, 32, (0.7, 0.7, 0.7), 25.0),
-    Heat(800, True, 12, (0.7, 0.7, 0.7), 25.0),
+    Heat(400, True, 24, (0.7, 0.7, 0.7), 25.0),
+    Heat(800, True, 8, (0.7, 0.7, 0.7), 25.0),
 )
 """Heats of a race about a minimum."""
 

@@ -18,7 +18,7 @@ from registration.noise import TYPICAL_RANGE_MM, NoiseModel
 from registration.result import Rival
 from registration.rigid import transform
 from registration.scan import Scan
-from registration.search import SAME_DEG, SAME_MM, Candidate, Search, difference
+from registration.search import SAME_DEG, SAME_MM, Search, difference
 from registration.tissue import neighbours, raster_noise
 
 FINISHED, WITHIN = 3, 60.0
@@ -50,18 +50,22 @@ def register_robust(
     candidates = search.from_anywhere() if start is None else search.about(start)
     known = noise_mm is not None or scan.covariance is not None
 
-    def finished(candidate: Candidate) -> Final:
-        allowed = outside_regions(transform(candidate.model_from_scanner, scan.points), regions)
-        start, noise = candidate.model_from_scanner, NoiseModel(sigma)
-        return exact_finish(scan, model.surface, start, noise, around, allowed, noise_known=known)
+    def finished(start: FloatArray, points: Scan, neighbourhood: IntArray) -> Final:
+        allowed = outside_regions(transform(start, points.points), regions)
+        noise = NoiseModel(sigma)
+        return exact_finish(points, model.surface, start, noise, neighbourhood, allowed, noise_known=known)
 
     least = candidates[0].log_likelihood - WITHIN / len(search.thin)
-    finals = [finished(c) for c in candidates[:FINISHED] if c.log_likelihood >= least]
+    likely = [c for c in candidates[:FINISHED] if c.log_likelihood >= least]
+    starts = [c.model_from_scanner for c in likely]
+    if search.thin is not scan:
+        starts = [finished(s, search.thin, search.thin_around).model_from_scanner for s in starts]
+    finals = [finished(s, scan, around) for s in starts]
     final = max(finals, key=lambda f: f.log_likelihood)
-    best = final.model_from_scanner
     ends = [(f.model_from_scanner, f.log_likelihood) for f in finals]
     offset = finals[0].log_likelihood - candidates[0].log_likelihood
     ends += [(c.model_from_scanner, c.log_likelihood + offset) for c in candidates[len(finals) :]]
+    best = final.model_from_scanner
     return Solution(
         model_from_scanner=final.model_from_scanner,
         closest=final.met,

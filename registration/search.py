@@ -9,7 +9,7 @@ import numpy as np
 
 from registration._types import FloatArray, IntArray
 from registration.batch import Poses
-from registration.centres import sphere_centres
+from registration.centres import sphere_centres, sphere_support
 from registration.errors import StartError
 from registration.model import Model
 from registration.noise import TYPICAL_RANGE_MM
@@ -41,7 +41,7 @@ START_REACH_MM = 40.0
 """How far a start may be off in position."""
 
 POLISHED_POINTS = 1500
-"""Candidates are polished on at most so many points; all take part in the exact finish."""
+"""Candidates are polished and compared on at most so many points; all take part in the last finish."""
 
 COVERED = 0.6
 """A prepared view serves a start when it holds so many of the points, for a start may be off."""
@@ -58,7 +58,7 @@ CLEAR_LOOK, UNCLEAR_LOOK = (8.0, 32), (30.0, 128)
 OTHER_RADII = (0.96, 1.04)
 """Further radii of the socket's sphere, as shares of the model's, that are tried where the first race is not clear."""
 
-FINALISTS = 6
+FINALISTS = 4
 """Candidates of a race that are polished to the end."""
 
 SAME_DEG, SAME_MM = 2.0, 1.0
@@ -105,7 +105,8 @@ class Search:
         self.thin, self.thin_around = scan, around
         if len(scan) > POLISHED_POINTS:
             chosen = np.sort(shuffle(len(scan))[:POLISHED_POINTS])
-            self.thin = Scan(scan.points[chosen], scan.beams[chosen], scan.origin)
+            covariance = None if scan.covariance is None else scan.covariance[chosen]
+            self.thin = Scan(scan.points[chosen], scan.beams[chosen], scan.origin, covariance)
             self.thin_around = neighbours(self.thin)
 
     @cached_property
@@ -145,14 +146,24 @@ class Search:
         least = WHOLE_RACES if any(view.whole for view in self.model.views) else 1
         for draw in range(MAX_RACES):
             anchors = self.centres if draw == 0 else self.more_centres
-            for view, centres in zip(self.model.views, anchors, strict=True):
-                if centres:
-                    found = merged(found, self._raced(view, centres, draw), self.middle)
+            for index in self._likely_first():
+                if anchors[index]:
+                    found = merged(found, self._raced(self.model.views[index], anchors[index], draw), self.middle)
+                if draw == 0 and found and self._margin(found) > CLEAR:
+                    break
             found = merged(found, self._near(found, draw), self.middle, bonus=0)
             enough = self._margin(found) > CLEAR or (draw > 0 and self.sure(found))
             if enough and draw + 1 >= least:
                 break
         return found
+
+    def _likely_first(self) -> list[int]:
+        """Views by how much of the cloud lies on their spheres: a wrong hollow need not be raced."""
+        support = [
+            sphere_support(self.scan.points, centres[0], view.radius_mm) if centres and view.is_socket else 0.0
+            for view, centres in zip(self.model.views, self.centres, strict=True)
+        ]
+        return [int(k) for k in np.argsort(-np.array(support), kind="stable")]
 
     def sure(self, found: list[Candidate]) -> bool:
         """Whether the best minimum was met often enough, or stands out so clearly, that no better one was missed."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from registration._types import FloatArray
-from registration.centres import WIDTH_MM, sphere_centres
+from registration.centres import sphere_centres, sphere_support
 from registration.errors import StartError
 from registration.field import DistanceField, build_fields
 from registration.sockets import Socket, find_sockets
@@ -124,9 +124,8 @@ def as_scanned(surface: Surface, socket: Socket, axis: FloatArray) -> tuple[Floa
     best = (0.0, socket.centre, socket.radius_mm)
     for radius in socket.radius_mm * RADIUS_FACTORS:
         for centre in sphere_centres(points, axis, radius, 1):
-            gap = np.linalg.norm(points - centre, axis=1) - radius
             near = bool(np.linalg.norm(centre - socket.centre) < 0.5 * socket.radius_mm)
-            support = float((1.0 / (1.0 + (gap / WIDTH_MM) ** 2)).mean()) * near
+            support = sphere_support(points, centre, float(radius)) * near
             best = max(best, (support, centre, float(radius)), key=lambda found: found[0])
     return best[1], best[2]
 
