@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from registration.assess import Asked, assess, named_targets
+from registration.brightness import without_dark_points
 from registration.dissertation import DissertationSettings, solve_as_dissertation
 from registration.errors import RegistrationError, StartError
 from registration.exclusion import excluded_regions
@@ -54,8 +55,8 @@ def register(
     covariance : (N, 3, 3) array, optional
         Of the points, mm^2.
     response_mv : (N,) array, optional
-        Amplitude of each echo at the photodiode. Without `covariance`, weak echoes count for less; with it, their
-        noise is known already.
+        Amplitude of each echo at the photodiode. Points darker than bone take no part at the end, and without
+        `covariance` weak echoes count for less.
     grid : (N, 2) array of int, optional
         Raster row and column of each point.
     method : {"robust", "dissertation"}
@@ -92,6 +93,7 @@ def register(
     from_start = start_pose(start)
     if method == "robust":
         solution = register_robust(scan, model, from_start, noise_mm, regions)
+        solution = without_dark_points(scan, model, solution, regions)
     elif method == "dissertation":
         if from_start is None:
             raise StartError("method 'dissertation' needs a start: landmarks or a 4x4 pose; method 'robust' does not")
