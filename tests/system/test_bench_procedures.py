@@ -4,10 +4,6 @@ from __future__ import annotations
 
 import datetime
 import json
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +15,6 @@ import pytest
 from drivers.interfaces import Record, SweepSettings
 from instrument.calibration import Calibration
 from instrument.cli.light_meters import light_meters
-from instrument.cli.main import run as command
 from instrument.cli.person import Person
 from instrument.cli.session import Session, session
 from instrument.cli.stages import SimulatedStage
@@ -287,48 +282,3 @@ def refused(outcome: Outcome, words: str) -> None:
 
 def test_one_pose_alone_leaves_the_separation_unknown(station: Station) -> None:
     assert geometry.run(station, poses=(Pose(800.0),), points_a_side=7).figures["mirror_separation_mm"] is None
-
-
-# ---- on the command line
-
-
-def test_the_command_refuses_unknown_names_and_folders_that_exist(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert command(["bench", "grey-target"]) == 2
-    assert "gray-target" in capsys.readouterr().err
-    assert command(["bench", "scanner", "--out", str(tmp_path)]) == 2
-    assert command(["bench", "scanner", "--out", str(tmp_path / "x"), "--date", "yesterday"]) == 2
-    assert not (tmp_path / "x").exists()
-
-
-def test_ctrl_c_ends_a_procedure_safely(tmp_path: Path) -> None:
-    folder = tmp_path / "drift"
-    process = subprocess.Popen(
-        [sys.executable, "-m", "instrument.cli", "bench", "drift", "--out", str(folder)],
-        stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    end = time.monotonic() + 40
-    while not (folder / "raw" / "bright.db").exists() and time.monotonic() < end:
-        time.sleep(0.1)
-    process.send_signal(signal.SIGINT)
-    _, stderr = process.communicate(timeout=40)
-    assert process.returncode == 130, stderr
-    assert "laser off verified" in stderr
-
-
-def test_the_calibration_command_compares_and_judges(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert command(["calibration", "status", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["out_of_date"] is False
-    file = tmp_path / "calibration.json"
-    warm = tmp_path / "warm.toml"
-    warm.write_text("[diode]\ntarget_degc = 24.0\n")
-    assert command(["calibration", "status", "--settings", str(warm), "--json"]) == 1
-    assert "run gray-target" in json.loads(capsys.readouterr().out)["reasons"][0]
-    shipped = Path(gray_target.__file__).parents[1] / "data" / "simulated-bench.json"
-    file.write_bytes(shipped.read_bytes())
-    assert command(["calibration", "compare", str(shipped), str(file), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["same"] == "yes"
-    assert command(["calibration", "list", str(tmp_path), "--json"]) == 0
-    assert len(json.loads(capsys.readouterr().out)["calibrations"]) == 1
