@@ -46,7 +46,8 @@ HEAD = [
     "| socket centre, mm: the same | floor of the rotation, deg | verdict pass | of these wrong | CPU ms |",
     "|---|---|---|---|---|---|---|---|---|---|",
 ]
-WORTH_HEAD = ["| bone | covariances given | responses given | neither |", "|---|---|---|---|"]
+LESS = ("covariances alone", "responses alone", "neither")
+WORTH_HEAD = ["| bone | covariances and responses | " + " | ".join(LESS) + " |", "|---|---|---|---|---|"]
 WORTH = "What the ranging's covariances and responses are worth: share right, median rotation and shift of all scans."
 
 SCAN = {"mode": "window", "rows": 40, "columns": 40}
@@ -100,7 +101,7 @@ class Trial:
     floor_deg : float
         Rotation error with the bone points known (Cramer-Rao).
     without : dict
-        Errors of the same scan when covariances are not given: with the responses in their place, and with nothing.
+        Errors of the same scan when less is given (`LESS`).
     """
 
     seed: int
@@ -142,23 +143,20 @@ def trial(seed: int, mesh: str | None) -> Trial:
         cloud.points_mm, model, covariance=cloud.covariance_mm2, response_mv=cloud.response_mv, grid=cloud.grid
     )
     ms = (time.process_time() - began) * 1e3
-    by_response = register(cloud.points_mm, model, response_mv=cloud.response_mv, grid=cloud.grid)
-    by_points = register(cloud.points_mm, model, grid=cloud.grid)
-    error, *others = (pose_error(r.model_from_scanner, scan.truth, centre) for r in (found, by_response, by_points))
+    less = [{"covariance": cloud.covariance_mm2}, {"response_mv": cloud.response_mv}, {}]
+    others = [register(cloud.points_mm, model, grid=cloud.grid, **given) for given in less]
+    error, *lesser = (pose_error(r.model_from_scanner, scan.truth, centre) for r in (found, *others))
     off_bone = float(np.mean(np.abs(model.closest(scan.in_model()).signed_mm) > 1.0))
     return Trial(
         seed, len(cloud), off_bone, floor_deg(scan, model), error.rotation_deg, error.translation_mm,
-        found.predicted_rotation_deg, found.verdict, ms, dict(zip(("responses", "points alone"), others, strict=True)),
+        found.predicted_rotation_deg, found.verdict, ms, dict(zip(LESS, lesser, strict=True)),
     )  # fmt: skip
 
 
 def given(name: str, trials: list[Trial]) -> str:
     """One row of the table of what covariances and responses are worth."""
     errors = [[(t.rotation_deg, t.centre_mm) for t in trials]]
-    errors += [
-        [(t.without[way].rotation_deg, t.without[way].translation_mm) for t in trials]
-        for way in ("responses", "points alone")
-    ]
+    errors += [[(t.without[way].rotation_deg, t.without[way].translation_mm) for t in trials] for way in LESS]
     cells = []
     for way in np.array(errors):
         right = np.mean((way[:, 0] < 1.0) & (way[:, 1] < 1.0))
@@ -192,7 +190,7 @@ def main() -> None:
     )
     options = parser.parse_args()
     rows = rows_between_marks("registration.md", NAME, 10)
-    worth = rows_between_marks("registration.md", NAME, 4)
+    worth = rows_between_marks("registration.md", NAME, 5)
     for mesh in options.mesh or [None]:
         name = "shipped hip" if mesh is None else Path(mesh).stem
         trials = []
