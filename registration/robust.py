@@ -13,12 +13,13 @@ from registration._types import FloatArray, IntArray
 from registration.assess import Solution
 from registration.exclusion import outside_regions
 from registration.finish import Final, exact_finish
+from registration.minima import SAME_DEG, SAME_MM, difference
 from registration.model import Model
 from registration.noise import TYPICAL_RANGE_MM, NoiseModel
 from registration.result import Rival
 from registration.rigid import transform
 from registration.scan import Scan
-from registration.search import SAME_DEG, SAME_MM, Search, difference
+from registration.search import Search
 from registration.tissue import neighbours, raster_noise
 
 FINISHED, WITHIN = 3, 60.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -11,11 +11,12 @@ from registration._types import FloatArray, IntArray
 from registration.batch import Poses
 from registration.centres import sphere_centres, sphere_support
 from registration.errors import StartError
+from registration.minima import SURE_HITS, Candidate, merged
 from registration.model import Model
 from registration.noise import TYPICAL_RANGE_MM
 from registration.polish import polish
 from registration.race import HEATS, NEAR_HEATS, Cloud, Heat, distinct, race, shuffle, telling_order
-from registration.rigid import inverse, pose, rotation_angle_deg, transform
+from registration.rigid import inverse, pose, transform
 from registration.scan import Scan
 from registration.seeds import rotations_in_cone, rotations_near
 from registration.tissue import neighbours
@@ -30,9 +31,6 @@ MAX_RACES = 4
 
 WHOLE_RACES = 3
 """Races run at least on a whole model: manufactured bodies are symmetric, and their rivals should be seen."""
-
-SURE_HITS = 3
-"""A minimum that so many finishers of one race reach, or that wins two races, is sure; so is one that is clear."""
 
 START_CONE_DEG = 25.0
 """How far clicked landmarks may be off."""
@@ -60,28 +58,6 @@ OTHER_RADII = (0.96, 1.04)
 
 FINALISTS = 4
 """Candidates of a race that are polished to the end."""
-
-SAME_DEG, SAME_MM = 2.0, 1.0
-"""Poses nearer than this are one minimum."""
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A distinct minimum.
-
-    Attributes
-    ----------
-    model_from_scanner : (4, 4) array
-    log_likelihood : float
-        Mean a point; the larger the better.
-    hits : int
-        Finishers that ended here.
-    """
-
-    model_from_scanner: FloatArray
-    log_likelihood: float
-    hits: int
-    view: View
 
 
 class Search:
@@ -263,26 +239,6 @@ def _shifts(rotations: FloatArray, anchors: FloatArray) -> FloatArray:
     """Shifts (K, 3) that bring the anchors (A, 3), taken in turn, to the view's centre; about the first anchor."""
     offsets = anchors[np.arange(len(rotations)) % len(anchors)] - anchors[0]
     return np.asarray(-(rotations @ offsets[..., None])[..., 0], dtype=np.float64)
-
-
-def merged(one: list[Candidate], other: list[Candidate], at: FloatArray, bonus: int = SURE_HITS) -> list[Candidate]:
-    """Join lists of minima, best first; a minimum found again keeps its better pose and gains `bonus` hits."""
-    out: list[Candidate] = []
-    for candidate in sorted([*one, *other], key=lambda c: -c.log_likelihood):
-        for index, better in enumerate(out):
-            turn, shift = difference(better.model_from_scanner, candidate.model_from_scanner, at)
-            if turn < SAME_DEG and shift < SAME_MM:
-                out[index] = replace(better, hits=better.hits + candidate.hits + bonus)
-                break
-        else:
-            out.append(candidate)
-    return out
-
-
-def difference(one: FloatArray, other: FloatArray, at: FloatArray) -> tuple[float, float]:
-    """Rotation in degrees between two poses, and the shift in mm of the scanner-frame point `at`."""
-    shift = transform(one, at[None])[0] - transform(other, at[None])[0]
-    return rotation_angle_deg(one[:3, :3] @ other[:3, :3].T), float(np.linalg.norm(shift))
 
 
 def _unit(vector: FloatArray) -> FloatArray:
