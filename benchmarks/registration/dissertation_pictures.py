@@ -11,6 +11,7 @@ import matplotlib as mpl
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 
 
 @dataclass
@@ -33,10 +34,9 @@ class Curves:
     access: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
 
 
-def draw(curves: Curves, path: Path, noise_mm: Sequence[float]) -> None:
-    """Draw all into one picture."""
-    figure, axes = plt.subplots(2, 2, figsize=(10, 7), layout="constrained")
-    run, noise, clinical, access = axes.ravel()
+def draw_copies(curves: Curves, path: Path, noise_mm: Sequence[float]) -> None:
+    """Convergence of the exact copies, and errors of the noisy ones."""
+    figure, (run, noise) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
     for name, rms in curves.runs.items():
         run.semilogy(np.arange(len(rms)), rms, label=name.partition(" ")[2])
     run.set(xlabel="iteration", ylabel="residual rms, mm", title="exact copy from 15 deg (figs. 4.3, 4.10)")
@@ -49,17 +49,26 @@ def draw(curves: Curves, path: Path, noise_mm: Sequence[float]) -> None:
     noise.plot([1.0, 1.0], [0.41, 0.49], "ks", mfc="none", label="dissertation, shift")
     noise.set(xlabel="noise, mm", ylabel="error", title="noise on the copy (figs. 4.4, 4.11)")
     noise.legend(fontsize=8)
-    for axis, table, title, quoted in (
-        (clinical, curves.clinical, "5 mm noise on a share of the points (fig. 4.24)", [(30, 0.03, 0.29)]),
-        (access, curves.access, "rim cut away (fig. 4.25)", [(70, 2.0, 8.0)]),
+    _save(figure, path)
+
+
+def draw_scans(curves: Curves, path: Path) -> None:
+    """Errors under clinical noise, and with the rim cut away."""
+    figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+    for axis, table, title, (share, rotation, shift) in (
+        (axes[0], curves.clinical, "5 mm noise on a share of the points (fig. 4.24)", (30, 0.03, 0.29)),
+        (axes[1], curves.access, "rim cut away (fig. 4.25)", (70, 2.0, 8.0)),
     ):
-        axis.plot(100 * table[:, 0], table[:, 1], "o-", label="rotation, deg")
-        axis.plot(100 * table[:, 0], table[:, 2], "s--", label="shift, mm")
-        for share, rotation, shift in quoted:
-            axis.plot(share, rotation, "k^", label="dissertation, rotation")
-            axis.plot(share, shift, "ks", mfc="none", label="dissertation, shift")
+        axis.semilogy(100 * table[:, 0], table[:, 1], "o-", label="rotation, deg")
+        axis.semilogy(100 * table[:, 0], table[:, 2], "s--", label="shift, mm")
+        axis.plot(share, rotation, "k^", label="dissertation, rotation")
+        axis.plot(share, shift, "ks", mfc="none", label="dissertation, shift")
         axis.set(xlabel="share, %", ylabel="error", title=title)
         axis.legend(fontsize=8)
+    _save(figure, path)
+
+
+def _save(figure: Figure, path: Path) -> None:
     path.parent.mkdir(exist_ok=True)
     figure.savefig(path, dpi=110)
     plt.close(figure)
