@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 SPOT_MM = 1.0  # diameter (1/e^2) of the spot on the target
 DEEPEST_MM = 3.0  # a smooth surface under the spot has less depth: 72 degrees of incidence
 PART_SHARE = 0.75  # of the neighbour's response: less shows that a part of the spot misses the surface
-PART_SLOPE = 1.0  # and from this slope on (mm/mm) that moves the range
+PART_SLOPE = 0.5  # and from this slope on (mm/mm) that moves the range by as much as its noise
 
 
 def mark_footprint(ranges: Ranges, step_mm: float, before_mm: FloatArray | None) -> Ranges:
