@@ -118,6 +118,8 @@ def as_scanned(surface: Surface, socket: Socket, axis: FloatArray) -> tuple[Floa
     reach = SEEN_RADII * socket.radius_mm
     facing = surface.face_normals @ axis
     seen = (facing > 0.1) & (aside < reach) & (np.abs(along) < reach)
+    if not seen.any():
+        return socket.centre, socket.radius_mm
     share = surface.face_areas[seen] * facing[seen]
     drawn = np.random.default_rng(0).choice(np.flatnonzero(seen), AS_SCANNED, p=share / share.sum())
     points = socket.centre + offset[drawn]
