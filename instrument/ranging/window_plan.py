@@ -72,7 +72,7 @@ class WindowPlanner:
     def line(self) -> list[Place]:
         """Return the windows of all places of the next line."""
         expected, margin = self._expectation()
-        response = _filled(self._response_mv)
+        response = _filled(self._response_mv, self.settings.first_response_mv)
         return [
             self._place(float(expected[c]), float(margin[c]), float(response[c]), self._reference)
             for c in range(self.columns)
@@ -80,7 +80,7 @@ class WindowPlanner:
 
     def wide(self, columns: Sequence[int] | NDArray[np.integer]) -> list[Place]:
         """Return wide windows for some places, to take them again; the reference, too, is looked for anew."""
-        response = _filled(self._response_mv)
+        response = _filled(self._response_mv, self.settings.first_response_mv)
         reference = self._calibrated_reference()
         return [self._place(np.nan, np.nan, float(response[c]), reference) for c in columns]
 
@@ -212,6 +212,7 @@ def _median(values: FloatArray) -> float:
     return float(np.median(there)) if there.size else float("nan")
 
 
-def _filled(values: FloatArray) -> FloatArray:
-    """Fill what is missing with the median of the rest."""
-    return np.where(np.isfinite(values), values, _median(values))
+def _filled(values: FloatArray, least: float) -> FloatArray:
+    """Fill what is missing with the median of the rest, but not with less than usual: where only the rim of the target
+    has been seen yet, its weak echoes would make the search of everything else many times as long."""
+    return np.where(np.isfinite(values), values, np.fmax(_median(values), least))

@@ -326,3 +326,13 @@ def test_the_planner_needs_the_place_of_the_reference(calibrated: Calibration) -
     assert calibrated.reference_ps is not None
     assert reference.start_ps < calibrated.reference_ps[0] - 150
     assert reference.end_ps > calibrated.reference_ps[1] + 200
+
+
+def test_weak_echoes_of_a_rim_do_not_make_the_search_beside_it_long(calibrated: Calibration) -> None:
+    planner = WindowPlanner(calibrated, 40)
+    usual = sum(place.shots(16) for place in planner.line())
+    seen = np.full(40, np.nan)
+    seen[18:22] = 9.0  # mV; nothing else has been met yet
+    planner.recall({**planner.memory(), "response_mv": seen.tolist()})
+    beside = [place.shots(16) for column, place in enumerate(planner.line()) if not 18 <= column < 22]
+    assert sum(beside) <= usual * len(beside) / 40 * 1.01
