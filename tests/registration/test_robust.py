@@ -41,6 +41,29 @@ def test_finds_the_pose_from_anywhere_under_tissue(
 
 
 @pytest.mark.parametrize("seed", range(2))
+def test_a_socket_that_is_no_sphere_is_found(
+    socket: registration.Model, scan_of: Callable[..., Any], seed: int
+) -> None:
+    oval = registration.prepare_model(socket.vertices * [1.06, 0.95, 1.02], socket.faces)
+    scan = scan_of(oval, 20 + seed)
+    found = registration.register(with_tissue(scan, seed, 0.4), oval, grid=scan.grid)
+    error = registration.pose_error(found.model_from_scanner, scan.truth, np.zeros(3))
+    assert error.rotation_deg < 1.0
+    assert error.translation_mm < 0.3
+
+
+def test_steep_walls_bias_nothing(socket: registration.Model, scan_of: Callable[..., Any]) -> None:
+    """Without tissue the errors keep to the information of the points: beams are cast, not drawn to closest points."""
+    turns, predicted = [], []
+    for seed in range(6):
+        scan = scan_of(socket, 200 + seed, n=50)
+        found = registration.register(scan.points, socket, start=scan.truth, grid=scan.grid, noise_mm=0.35)
+        turns.append(registration.pose_error(found.model_from_scanner, scan.truth, np.zeros(3)).rotation_deg)
+        predicted.append(found.predicted_rotation_deg)
+    assert np.sqrt(np.mean(np.square(turns))) < 1.4 * np.mean(predicted)
+
+
+@pytest.mark.parametrize("seed", range(2))
 def test_a_real_bone_is_found_in_its_own_frame(shared_bone: Path, scan_of: Callable[..., Any], seed: int) -> None:
     model = registration.load_model(shared_bone)
     view = model.views[0]
