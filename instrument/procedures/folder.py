@@ -101,7 +101,7 @@ def _page(outcome: Outcome, pictures: list[Picture], provenance: Mapping[str, An
         pictures=pictures,
         facts=shown,
         details=[("Settings", settings_text), ("Seed, versions, digests", json.dumps(provenance, indent=1))],
-        footer="Raw readings are in the CSV files beside this page, all figures in figures.json.",
+        footer="Beside this page: recordings with all traces in raw, readings as CSV, all figures in figures.json.",
     )
 
 
