@@ -18,4 +18,12 @@ def lost_readings(found: int, asked: int, what: str) -> str:
 
 def refused(name: str, finding: str, remedy: str, readings: dict[str, Readings] | None = None) -> Outcome:
     """Return the outcome of a bench that does not fit: a finding instead of a fit."""
-    return Outcome(name, False, [finding], remedy, ("no figure", "nothing was fitted to these readings"), {}, readings=readings or {})
+    return Outcome(
+        name,
+        False,
+        [finding],
+        remedy,
+        ("no figure", "nothing was fitted to these readings"),
+        {},
+        readings=readings or {},
+    )
