@@ -19,10 +19,10 @@ class Flag(enum.IntFlag):
     LOW_RESPONSE = 2  # an echo, but so weak that the range is doubtful
     CLIPPED = 4  # samples at an end of the A/D: the peak, and with it the 50 % level, is not known
     OVERLAPPED = 8  # reference and echo run into each other
-    MIXED = 16  # more than one echo: two surfaces in the footprint
+    MIXED = 16  # more than one echo, or an edge or rim under the spot: two surfaces in the footprint
     WALK_EXTRAPOLATED = 32  # response outside the range of the walk calibration
     RETAKEN = 64  # the place was measured again
-    MOTION = 128  # target or mirrors moved during the record
+    MOTION = 128  # target or mirrors have moved since the first lines
     NO_REFERENCE = 256  # the reference pulse is missing: no range at all
 
     @property
