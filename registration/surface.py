@@ -10,6 +10,7 @@ import numpy as np
 
 from registration._types import BoolArray, FloatArray, IntArray
 from registration.mesh import face_normals_and_areas
+from registration.rays import EmbreeRays, Rays, TreeRays, first_hits
 
 TOUCHING_MM = 1e-6
 """Nearer than this the direction to the surface is rounding; the pseudonormal stands in."""
@@ -106,15 +107,26 @@ class Surface:
         distances : (N,) array
             mm; infinite where nothing is met.
         """
-        face, distance, _ = self.tree.intersect_ray_first(
-            self.vertices, self.faces, np.ascontiguousarray(origins), np.ascontiguousarray(directions)
-        )
-        faces = np.asarray(face, dtype=np.int64)
-        return faces, np.where(faces >= 0, distance, np.inf)
+        return first_hits(self._rays, origins, directions, self._first_corners, self.face_normals)
+
+    @cached_property
+    def _rays(self) -> Rays:
+        try:
+            return EmbreeRays(self.vertices, self.faces)
+        except ImportError:
+            return TreeRays(self.vertices, self.faces, self.tree)
+
+    @cached_property
+    def _first_corners(self) -> FloatArray:
+        return np.asarray(self.vertices[self.faces[:, 0]], dtype=np.float64)
 
     def first_hit(self, origins: FloatArray, directions: FloatArray) -> FloatArray:
-        """Distances (N,) mm along unit `directions` from `origins`, both (N, 3); infinite where nothing is met."""
-        return self.cast(origins, directions)[1]
+        """Distances (N,) mm along unit `directions` from `origins`, both (N, 3); infinite where nothing is met.
+
+        In double precision throughout: beams may start on the surface itself.
+        """
+        rays = TreeRays(self.vertices, self.faces, self.tree)
+        return first_hits(rays, origins, directions, self._first_corners, self.face_normals)[1]
 
     @cached_property
     def corner_angles(self) -> FloatArray:
