@@ -160,10 +160,11 @@ def step(poses: Poses, found: Sampled, weights: Float32Array, damping: float = 1
     n0, n1, n2 = (found.gradient[..., k] for k in range(3))
     count, size = found.distance.shape
     rows = np.empty((count, 7, size), dtype=np.float32)
-    rows[:, 0] = y * n2 - z * n1
-    rows[:, 1] = z * n0 - x * n2
-    rows[:, 2] = x * n1 - y * n0
     rows[:, 3], rows[:, 4], rows[:, 5], rows[:, 6] = n0, n1, n2, found.distance
+    n0, n1, n2 = rows[:, 3], rows[:, 4], rows[:, 5]
+    for k, (a, b, c, d) in enumerate(((y, n2, z, n1), (z, n0, x, n2), (x, n1, y, n0))):
+        np.multiply(a, b, out=rows[:, k])
+        rows[:, k] -= c * d
     rows *= np.sqrt(weights)[:, None, :]
     normal = np.matmul(rows, rows.transpose(0, 2, 1)).astype(np.float64)
     matrix, right = normal[:, :6, :6].copy(), normal[:, :6, 6]

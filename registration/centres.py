@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from registration._types import FloatArray
+from registration.field import Float32Array
 
 HYPOTHESES = 800
 """Triples of points tried."""
@@ -40,10 +41,7 @@ def sphere_centres(points: FloatArray, towards: FloatArray, radius_mm: float, co
     mean = points.mean(axis=0)
     local = points - mean
     centres = _through_triples(local, towards, radius_mm)
-    thin = local[:: max(1, len(local) // 400)]
-    squared = (centres**2).sum(axis=1)[:, None] + (thin**2).sum(axis=1)[None] - 2.0 * centres @ thin.T
-    gap = (np.sqrt(np.maximum(squared, 0.0)) - radius_mm) / WIDTH_MM
-    support = (1.0 / (1.0 + gap * gap)).sum(axis=1)
+    support = _support(centres.astype(np.float32), local[:: max(1, len(local) // 400)].astype(np.float32), radius_mm)
     thick = local[:: max(1, len(local) // 700)]
     found: list[tuple[float, FloatArray]] = []
     for index in np.argsort(-support, kind="stable")[:40]:
@@ -83,6 +81,19 @@ def _through_triples(points: FloatArray, towards: FloatArray, radius: float) -> 
     unit = normal[fits] / np.sqrt(square[fits])[:, None]
     unit *= np.sign(unit @ towards)[:, None]
     return np.asarray(a[fits] + to_centre[fits] + unit * np.sqrt(rest[fits])[:, None], dtype=np.float64)
+
+
+def _support(centres: Float32Array, points: Float32Array, radius_mm: float) -> Float32Array:
+    """How many of the points (N, 3) lie on the sphere about each centre (K, 3), softly counted: (K,)."""
+    gap = centres @ (-2.0 * points.T)
+    gap += (centres**2).sum(axis=1)[:, None]
+    gap += (points**2).sum(axis=1)
+    np.sqrt(np.maximum(gap, 0.0, out=gap), out=gap)
+    gap -= radius_mm
+    gap *= 1.0 / WIDTH_MM
+    gap *= gap
+    gap += 1.0
+    return np.asarray(np.reciprocal(gap, out=gap).sum(axis=1))
 
 
 def _settled(points: FloatArray, centre: FloatArray, radius: float) -> tuple[float, FloatArray]:

@@ -28,6 +28,9 @@ STRAY_SIGMA = 3.5
 REWEIGHTED_STEPS = 5
 """Weights and noise settle in so many steps on fixed tangent planes."""
 
+SETTLED_MM = 0.002
+"""They have settled when a step moves the points by less."""
+
 RESTING_MM = 0.02
 """The finish ends when the points' root mean square motion is below this; the tangent planes then hold."""
 
@@ -121,10 +124,11 @@ def exact_finish(
                 noise = replace(noise, range_mm=estimated_range_noise(along, noise.range_mm))
             measures = residual_measures(residual[inliers])
             history.append(Iteration("exact", measures.rms_mm, measures.mean_mm, measures.max_mm, int(inliers.sum())))
-            x = tangent.solve(bone * inliers / sigma**2)
-        move = np.cross(x[:3], tangent.hits - tangent.centre) + x[3:]
+            before, x = x, tangent.solve(bone * inliers / sigma**2)
+            if tangent.motion_mm(x - before) < SETTLED_MM:
+                break
         solution = orthonormalised(small_motion(x, tangent.centre) @ solution)
-        if np.sqrt((move**2).sum(axis=1).mean()) < RESTING_MM:
+        if tangent.motion_mm(x) < RESTING_MM:
             break
     residual = tangent.residual(x)
     sigma = noise.plane_sigma(scan, solution[:3, :3], tangent.normals)
@@ -177,6 +181,11 @@ class _Tangent:
         """Mean log likelihood a point; a beam that misses the model, or meets its back, cannot be."""
         along = np.where(self.usable, residual * self.stretch, -INSIDE_MM)
         return float(log_likelihood(along, sigma * self.stretch, around).mean())
+
+    def motion_mm(self, x: FloatArray) -> float:
+        """Root mean square shift of the points by the motion `x` (6,)."""
+        move = np.cross(x[:3], self.hits - self.centre) + x[3:]
+        return float(np.sqrt((move**2).sum(axis=1).mean()))
 
     def solve(self, weight: FloatArray) -> FloatArray:
         """Weighted least-squares motion (6,)."""

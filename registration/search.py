@@ -50,6 +50,9 @@ FINE_STEP_MM = 1.5
 CLEAR = 40.0
 """A minimum is clear when its log likelihood exceeds the next one's by so much."""
 
+MET_BY_MANY = 6
+"""A clear minimum that so many finishers reached needs no closer look."""
+
 CLEAR_LOOK, UNCLEAR_LOOK = (8.0, 32), (30.0, 128)
 """Half angle (deg) and starts of the closer look about the best minimum."""
 
@@ -127,7 +130,8 @@ class Search:
                     found = merged(found, self._raced(self.model.views[index], anchors[index], draw), self.middle)
                 if draw == 0 and found and self._margin(found) > CLEAR:
                     break
-            found = merged(found, self._near(found, draw), self.middle, bonus=0)
+            if self._margin(found) <= CLEAR or found[0].hits < MET_BY_MANY:
+                found = merged(found, self._near(found, draw), self.middle, bonus=0)
             enough = self._margin(found) > CLEAR or (draw > 0 and self.sure(found))
             if enough and draw + 1 >= least:
                 break

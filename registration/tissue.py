@@ -7,6 +7,8 @@ random field), so that thin tissue, which one range value cannot tell from noise
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -78,14 +80,22 @@ def raster_noise(scan: Scan, around: IntArray) -> float:
 
 def log_odds(residuals: npt.NDArray[np.floating], sigma_mm: npt.NDArray[np.floating] | float) -> FloatArray:
     """Log of bone's likelihood over tissue's for residuals along the beam, (...) mm."""
-    z = residuals / sigma_mm
     tissue = TISSUE_PER_MM / (1.0 + np.exp(np.clip((TISSUE_ONSET_MM - residuals) / 0.2, -50.0, 50.0))) + STRAY
-    return np.asarray(-0.5 * z * z - np.log(sigma_mm * np.sqrt(2.0 * np.pi)) - np.log(tissue))
+    return np.asarray(_bone_likelihood(residuals, sigma_mm) - np.log(tissue))
+
+
+def _bone_likelihood(
+    residuals: npt.NDArray[np.floating], sigma_mm: npt.NDArray[np.floating] | float
+) -> npt.NDArray[np.floating]:
+    """Log density of bone; single precision stays single."""
+    z = residuals / sigma_mm
+    scale = np.log(sigma_mm) + 0.5 * math.log(2.0 * math.pi)
+    return np.asarray(-0.5 * z * z - (float(scale) if np.ndim(scale) == 0 else scale))
 
 
 def neighbour_odds(own: FloatArray, around: IntArray) -> FloatArray:
     """Log odds (..., N) that the neighbours `around` (N, 8) lend to each point, from their own ones (..., N)."""
-    padded = np.concatenate([np.clip(own, -CLIP, CLIP), np.zeros((*own.shape[:-1], 1))], axis=-1)
+    padded = np.concatenate([np.clip(own, -CLIP, CLIP), np.zeros((*own.shape[:-1], 1), dtype=own.dtype)], axis=-1)
     return np.asarray(COUPLING * padded.take(around, axis=-1).sum(axis=-1))
 
 
@@ -104,6 +114,5 @@ def log_likelihood(
     """Log likelihood (..., N) of the mixture of bone and tissue, its shares lent by the neighbours: poses' rank."""
     own = log_odds(residuals, sigma_mm)
     prior = neighbour_odds(own, around)
-    z = residuals / sigma_mm
-    bone = -0.5 * z * z - np.log(sigma_mm * np.sqrt(2.0 * np.pi))
+    bone = _bone_likelihood(residuals, sigma_mm)
     return np.asarray(bone - own + np.logaddexp(0.0, own + prior) - np.logaddexp(0.0, prior))
