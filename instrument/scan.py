@@ -44,7 +44,8 @@ class RasterScan:
     mode : str
         How it really scans.
     shots : int
-        Laser shots sampled so far (settling shots not counted): divided by the PRF, the time that shots alone take.
+        Laser shots sampled so far at the raster's places (without those that settle or watch for motion): divided by
+        the PRF, the time that shots alone take.
     """
 
     mode = "sweep"
@@ -184,7 +185,6 @@ class RasterScan:
         watched_row, column = self._watch.place
         self._fly_to(self.raster.line(watched_row).codes[column], galvo)
         records = sampler.take(self.run_id(self.settings.scan.rows + row, 0))
-        self.shots += self.sweep.averages * self.sweep.samples
         # The template tells smaller motions; how the scan itself is ranged makes no difference to this.
         found, _ = self._ranges_of(list(records), "template" if self.calibration.templates else "half-maximum")
         return found

@@ -141,6 +141,7 @@ class WindowScan(RasterScan):
         seen = [*places, *([look[1]] if look else [])]
         taken, scale = self._take(row + 1, plan.lead_in, stops, seen, began_s, galvo, sampler, between)
         first, last = taken[: len(places)], taken[len(places) :]
+        self._count_shots(places)
         windows = LineWindows.of(plan.columns, first, _forms(places), retaken=False)
         ranges = range_windows(windows, scale, self.calibration)
         lost = self._planner.lost(places, ranges)
@@ -149,6 +150,7 @@ class WindowScan(RasterScan):
             stops = [self._stop(*stop, scanner.window_settle_ms) for stop in zip(plan.codes[lost], wide, strict=True)]
             run_id, left_s = self.settings.scan.rows + row + 1, self.clock.now()
             again, _ = self._take(run_id, plan.codes[lost[0]], stops, wide, left_s, galvo, sampler, between)
+            self._count_shots(wide)
             windows = windows.followed_by(LineWindows.of(plan.columns[lost], again, _forms(wide), retaken=True))
             ranges = range_line(plan.columns, windows, scale, self.calibration)
         self._planner.learn(ranges)  # before the footprint is judged: half a spot on a rim is planned as it is seen
@@ -163,6 +165,9 @@ class WindowScan(RasterScan):
             windows=windows if self.settings.scan.keep_traces else None,
             sweeps=max(p.echo.sweeps for p in places), began_s=began_s,
         )  # fmt: skip
+
+    def _count_shots(self, places: Sequence[Place]) -> None:
+        self.shots += sum(place.shots(0) for place in places)
 
     def _look_at(self) -> tuple[IntArray, Place] | None:
         """Return codes and windows of the place that is watched, if it is its turn."""
@@ -197,7 +202,6 @@ class WindowScan(RasterScan):
         path = lay_path(lead_in, lead_s, stops)
         table = [[_entry(place.reference), _entry(place.echo)] for place in places]
         records = list(_windows_of(sampler).take_windows(run_id, table, begin=lambda: galvo.play(*path)))
-        self.shots += sum(place.shots(0) for place in places)
         first = records[0].windows[0]
         return records, CodeScale(first.zero_code, first.mv_per_code)
 
