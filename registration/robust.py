@@ -2,7 +2,7 @@
 
 (1) The socket's centre from a consensus over spheres, (2) rotations from a low-discrepancy sequence, (3) races of
 damped Gauss-Newton steps under a one-sided loss on distance fields, (4) distinct finishers polished with tissue decided
-over neighbourhoods and ranked by likelihood, (5) symmetric steps on exact closest points with the noise they show.
+over neighbourhoods and ranked by likelihood, (5) symmetric steps on cast beams with the noise they show.
 """
 
 from __future__ import annotations

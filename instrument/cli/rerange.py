@@ -17,7 +17,7 @@ def add_to(app: typer.Typer) -> None:
 
 
 def rerange(
-    recording: Annotated[Path, typer.Argument(help="Recording with raw traces.")],
+    recording: Annotated[Path, typer.Argument(help="Recording with its raw traces or windows.")],
     out: Annotated[Path, typer.Option("-o", help="Recording to make (a file that does not exist).")],
     estimator: options.Estimator = None,
     calibration: Annotated[
