@@ -109,8 +109,8 @@ def exact_finish(
         Keep the range noise instead of estimating it from the residuals.
     """
     solution, history = start, list[Iteration]()
-    for _ in range(MAX_CASTS):
-        tangent = _Tangent.at(scan, surface, solution, allowed)
+    tangent = _Tangent.at(scan, surface, solution, allowed)
+    for cast in range(1, MAX_CASTS + 1):
         x = np.zeros(6)
         for _ in range(REWEIGHTED_STEPS):
             residual = tangent.residual(x)
@@ -128,8 +128,10 @@ def exact_finish(
             if tangent.motion_mm(x - before) < SETTLED_MM:
                 break
         solution = orthonormalised(small_motion(x, tangent.centre) @ solution)
-        if tangent.motion_mm(x) < RESTING_MM:
+        if tangent.motion_mm(x) < RESTING_MM or cast == MAX_CASTS:
             break
+        del tangent  # of a large cloud there is no room for two
+        tangent = _Tangent.at(scan, surface, solution, allowed)
     residual = tangent.residual(x)
     sigma = noise.plane_sigma(scan, solution[:3, :3], tangent.normals)
     bone, inliers = tangent.bone(residual, sigma, around)

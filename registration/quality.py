@@ -20,6 +20,7 @@ import numpy as np
 
 from registration._types import BoolArray, FloatArray, IntArray
 from registration.rigid import skew
+from registration.tissue import neighbour_sum
 
 
 def plane_rows(points: FloatArray, normals: FloatArray, centre: FloatArray) -> FloatArray:
@@ -48,14 +49,12 @@ def patch_misfit_mm(residuals_mm: FloatArray, inliers: BoolArray, around: IntArr
     around : (N, 8) array
         Raster neighbours; N stands for none.
     """
-    value = np.append(np.where(inliers, residuals_mm, 0.0), 0.0)
-    counted = np.append(inliers, False)
-    count = counted[around].sum(axis=1)
+    count = neighbour_sum(inliers.astype(np.float64), around)
     used = inliers & (count >= 3)
     if used.sum() < 6:
         return 0.0
-    mean = value[around[used]].sum(axis=1) / count[used]
-    return float(np.sqrt(max(0.0, np.mean(residuals_mm[used] * mean))))
+    mean = neighbour_sum(np.where(inliers, residuals_mm, 0.0), around)[used] / count[used]
+    return float(np.sqrt(max(0.0, float(np.mean(residuals_mm[used] * mean)))))
 
 
 @dataclass(frozen=True)

@@ -93,10 +93,18 @@ def _bone_likelihood(
     return np.asarray(-0.5 * z * z - (float(scale) if np.ndim(scale) == 0 else scale))
 
 
+def neighbour_sum(values: npt.NDArray[np.floating], around: IntArray) -> FloatArray:
+    """Sum (..., N) of the `values` (..., N) of each point's neighbours `around` (N, 8)."""
+    padded = np.concatenate([values, np.zeros((*values.shape[:-1], 1), dtype=values.dtype)], axis=-1)
+    total = padded.take(around[:, 0], axis=-1)
+    for one in around.T[1:]:  # one after the other: all eight of a large cloud at once are eight times its size
+        total += padded.take(one, axis=-1)
+    return np.asarray(total)
+
+
 def neighbour_odds(own: FloatArray, around: IntArray) -> FloatArray:
     """Log odds (..., N) that the neighbours `around` (N, 8) lend to each point, from their own ones (..., N)."""
-    padded = np.concatenate([np.clip(own, -CLIP, CLIP), np.zeros((*own.shape[:-1], 1), dtype=own.dtype)], axis=-1)
-    return np.asarray(COUPLING * padded.take(around, axis=-1).sum(axis=-1))
+    return np.asarray(COUPLING * neighbour_sum(np.clip(own, -CLIP, CLIP), around))
 
 
 def bone_probability(
