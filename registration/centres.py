@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from registration._types import FloatArray
-from registration.field import Float32Array
 
 HYPOTHESES = 800
 """Triples of points tried."""
@@ -41,7 +40,7 @@ def sphere_centres(points: FloatArray, towards: FloatArray, radius_mm: float, co
     mean = points.mean(axis=0)
     local = points - mean
     centres = _through_triples(local, towards, radius_mm)
-    support = _support(centres.astype(np.float32), local[:: max(1, len(local) // 400)].astype(np.float32), radius_mm)
+    support = soft_count(centres, radius_mm, local[:: max(1, len(local) // 400)], WIDTH_MM)
     thick = local[:: max(1, len(local) // 700)]
     found: list[tuple[float, FloatArray]] = []
     for index in np.argsort(-support, kind="stable")[:40]:
@@ -83,17 +82,27 @@ def _through_triples(points: FloatArray, towards: FloatArray, radius: float) -> 
     return np.asarray(a[fits] + to_centre[fits] + unit * np.sqrt(rest[fits])[:, None], dtype=np.float64)
 
 
-def _support(centres: Float32Array, points: Float32Array, radius_mm: float) -> Float32Array:
-    """How many of the points (N, 3) lie on the sphere about each centre (K, 3), softly counted: (K,)."""
-    gap = centres @ (-2.0 * points.T)
-    gap += (centres**2).sum(axis=1)[:, None]
-    gap += (points**2).sum(axis=1)
+def soft_count(centres: FloatArray, radii_mm: FloatArray | float, points: FloatArray, width_mm: float) -> FloatArray:
+    """How many of the points (N, 3) lie on each of K spheres, softly: the sum of ``1 / (1 + (gap / width)^2)``.
+
+    Parameters
+    ----------
+    centres : (K, 3) array
+        mm; near the origin, since single precision is enough for a count.
+    radii_mm : (K,) array or float
+    points : (N, 3) array
+    width_mm : float
+    """
+    about, on = centres.astype(np.float32), points.astype(np.float32)
+    gap = about @ (-2.0 * on.T)
+    gap += (about**2).sum(axis=1)[:, None]
+    gap += (on**2).sum(axis=1)
     np.sqrt(np.maximum(gap, 0.0, out=gap), out=gap)
-    gap -= radius_mm
-    gap *= 1.0 / WIDTH_MM
+    gap -= np.asarray(radii_mm, dtype=np.float32).reshape(-1, 1)
+    gap *= np.float32(1.0 / width_mm)
     gap *= gap
     gap += 1.0
-    return np.asarray(np.reciprocal(gap, out=gap).sum(axis=1))
+    return np.asarray(np.reciprocal(gap, out=gap).sum(axis=1), dtype=np.float64)
 
 
 def _settled(points: FloatArray, centre: FloatArray, radius: float) -> tuple[float, FloatArray]:

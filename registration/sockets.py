@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from registration._types import BoolArray, FloatArray, IntArray
+from registration.centres import soft_count
 from registration.surface import Surface
 
 RADII_MM = np.arange(14.0, 37.0, 1.5)
@@ -81,7 +82,8 @@ def _peaks(points: FloatArray, normals: FloatArray, areas: FloatArray, count: in
         cell = ((points + radius * normals - low) / CELL_MM).astype(np.int64)
         flat = (cell[:, 0] * shape[1] + cell[:, 1]) * shape[2] + cell[:, 2]
         votes = np.bincount(flat, weights=areas, minlength=int(shape.prod()))
-        for place in np.argsort(-votes, kind="stable")[:4]:
+        most = np.argpartition(-votes, 4)[:4]
+        for place in most[np.argsort(-votes[most], kind="stable")]:
             where = np.array(np.unravel_index(int(place), tuple(shape)), dtype=np.float64)
             peaks.append((float(votes[place] / radius**2), low + (where + 0.5) * CELL_MM, float(radius)))
     chosen: list[tuple[FloatArray, float]] = []
@@ -103,10 +105,9 @@ def _fitted(
     centres, radii = _spheres_of_pairs(points, normals, first, second)
     valid = (np.linalg.norm(centres - centre, axis=1) < 8.0) & (np.abs(radii - radius) < 8.0)
     judged = rng.choice(near, 1000, p=areas[near] / areas[near].sum())
-    gap = np.linalg.norm(points[judged][None] - centres[valid][:, None], axis=2) - radii[valid][:, None]
-    support = (1.0 / (1.0 + (gap / 0.7) ** 2)).sum(axis=1)
-    if len(support) == 0:
+    if not valid.any():
         return None
+    support = soft_count(centres[valid] - centre, radii[valid], points[judged] - centre, 0.7)
     chosen = int(np.argmax(support))
     centre, radius = centres[valid][chosen], float(radii[valid][chosen])
     on = np.zeros(len(points), dtype=np.bool_)
