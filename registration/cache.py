@@ -14,10 +14,10 @@ import sys
 import tempfile
 import warnings
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +31,8 @@ VERSION = 4
 """Raised whenever preparation or the file's layout changes."""
 
 Prepared = tuple[FloatArray, IntArray, MeshReport, tuple[View, ...]]
+
+T = TypeVar("T")
 
 
 def folder() -> Path:
@@ -56,26 +58,26 @@ def digest(vertices: npt.NDArray[Any], faces: npt.NDArray[Any]) -> str:
 
 def load(key: str) -> Prepared | None:
     """Read a prepared model; None when it is not there or cannot be read."""
-    path = _path(key)
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            header = json.loads(str(stored["header"]))
-            report = _report(header["report"])
-            views = tuple(_view(stored, index) for index in range(header["views"]))
-            return stored["vertices"], stored["faces"], report, views
-    except FileNotFoundError:
-        return None
-    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
-        return None  # a damaged or foreign file: the caller prepares anew and replaces it
+    return _read(key, _prepared)
 
 
 def load_view(key: str) -> View | None:
     """Read a single view; None when it is not there or cannot be read."""
+    return _read(key, lambda stored: _view(stored, 0))
+
+
+def _read(key: str, taken: Callable[[Mapping[str, Any]], T]) -> T | None:
     try:
         with _path(key).open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            return _view(stored, 0)
+            return taken(stored)
     except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
-        return None
+        return None  # absent, or a damaged or foreign file: the caller prepares anew and replaces it
+
+
+def _prepared(stored: Mapping[str, Any]) -> Prepared:
+    header = json.loads(str(stored["header"]))
+    views = tuple(_view(stored, index) for index in range(header["views"]))
+    return stored["vertices"], stored["faces"], _report(header["report"]), views
 
 
 def store(key: str, prepared: Prepared) -> None:
@@ -105,8 +107,13 @@ def _write(key: str, arrays: dict[str, npt.NDArray[Any]]) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as part:
-            np.savez(part, allow_pickle=False, **arrays)
-        os.replace(part.name, path)
+            try:
+                np.savez(part, allow_pickle=False, **arrays)
+                part.close()
+                os.replace(part.name, path)
+            except BaseException:  # a full disk, or Ctrl-C: what is half written would lie there for ever
+                os.unlink(part.name)
+                raise
     except OSError as error:
         warnings.warn(f"the prepared model could not be kept in {path.parent} ({error})", RuntimeWarning, stacklevel=4)
 

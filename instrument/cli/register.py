@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as jsonlib
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -130,26 +131,26 @@ def read_targets(path: Path | None) -> list[dict[str, Any]] | None:
     BadInput
         With file and finding.
     """
-    from registration import RegistrationError, check_targets
+    from registration import check_targets
 
-    entries = read_list(path, "--targets")
-    try:
-        check_targets(entries)
-    except RegistrationError as error:
-        raise BadInput(f"--targets {path}: {error}") from error
-    return entries
+    return _read_checked(path, "--targets", check_targets)
 
 
 def read_regions(path: Path | None) -> list[dict[str, Any]] | None:
     """Read the regions of the model that take no part; refused like `read_targets`."""
-    from registration import RegistrationError
     from registration.exclusion import excluded_regions
 
-    entries = read_list(path, "--exclude")
+    return _read_checked(path, "--exclude", excluded_regions)
+
+
+def _read_checked(path: Path | None, option: str, check: Callable[[Any], object]) -> list[dict[str, Any]] | None:
+    from registration import RegistrationError
+
+    entries = read_list(path, option)
     try:
-        excluded_regions(entries)
+        check(entries)
     except RegistrationError as error:
-        raise BadInput(f"--exclude {path}: {error}") from error
+        raise BadInput(f"{option} {path}: {error}") from error
     return entries
 
 

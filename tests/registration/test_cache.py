@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 
 import numpy as np
@@ -81,3 +82,16 @@ def test_a_view_made_for_a_start_is_kept(small: registration.Model, folder: Path
     second = again.view_of(Place.of(np.array([1.0, 0.0, -15.0]), np.array([0.05, 0.0, -1.0]), 30.0))
     assert files(folder) == kept
     np.testing.assert_array_equal(first.fine.nodes, second.fine.nodes)
+
+
+def test_a_full_disk_leaves_no_half_written_file(
+    small: registration.Model, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(np, "savez", full)
+    with pytest.warns(RuntimeWarning, match="could not be kept"):
+        registration.prepare_model(small.vertices, small.faces)
+    assert files(folder) == []
