@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from registration._types import BoolArray, FloatArray, IntArray
+from registration._types import BoolArray, FloatArray, Neighbours
 from registration.errors import RegistrationError
 from registration.icp import Iteration
 from registration.measures import residual_measures
@@ -51,7 +51,7 @@ class Solution:
     history: list[Iteration]
     rivals: list[Rival]
     noise: NoiseModel
-    around: IntArray
+    around: Neighbours
     cost: float
     method: str
     sure: bool = True
@@ -74,14 +74,14 @@ def assess(scan: Scan, solution: Solution, asked: Asked, findings: list[str]) ->
     are 0.7 to 1.1 times those predicted so; without the share they are 0.7 to 2.4 times.)
     """
     inliers, closest = solution.inliers, solution.closest
-    moved = transform(solution.model_from_scanner, scan.points)
     enough = int(inliers.sum()) >= 6
     used = inliers if enough else np.ones(len(scan), dtype=np.bool_)
-    centre = moved[used].mean(axis=0)
-    radius = float(np.sqrt(((moved[used] - centre) ** 2).sum(axis=1).mean()))
+    moved = transform(solution.model_from_scanner, scan.points[used])
+    centre = moved.mean(axis=0)
+    radius = float(np.sqrt(((moved - centre) ** 2).sum(axis=1).mean()))
     rotation = solution.model_from_scanner[:3, :3]
     sigma = solution.noise.plane_sigma(scan, rotation, closest.normals)
-    rows = plane_rows(moved[used], closest.normals[used], centre)
+    rows = plane_rows(moved, closest.normals[used], centre)
     chi2 = float(np.mean((closest.signed_mm[used] / sigma[used]) ** 2))
     misfit = patch_misfit_mm(closest.signed_mm, used, solution.around)
     correlated = 1.0 + PATCH_POINTS * float(np.mean((misfit / sigma[used]) ** 2))

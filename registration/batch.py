@@ -6,13 +6,17 @@ view's centre, so that one pass over memory serves all poses.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from registration._types import FloatArray, IntArray
-from registration.field import DistanceField, Float32Array
+from registration._types import Float32Array, FloatArray, IntArray
+from registration.field import DistanceField
 from registration.rigid import rotation_from_vector
+
+BLOCK = 16_000
+"""Field values worked on at once: few enough to stay in the cache, and in memory that need not be fetched anew."""
 
 GRAZING = np.float32(0.25)
 """Smallest cosine between beam and normal that a residual along the beam is stretched by."""
@@ -47,9 +51,15 @@ class Poses:
     def __len__(self) -> int:
         return len(self.rotations)
 
-    def at(self, index: IntArray) -> Poses:
+    def at(self, index: IntArray | slice) -> Poses:
         """Pick some of the poses."""
         return Poses(self.rotations[index], self.shifts[index])
+
+    def blocks(self, points: int) -> Iterator[Poses]:
+        """The poses in turn, so many at a time that with so many points each they make up a `BLOCK`."""
+        at_once = max(1, BLOCK // points)
+        for first in range(0, len(self), at_once):
+            yield self.at(slice(first, first + at_once))
 
 
 @dataclass(frozen=True)
@@ -74,12 +84,6 @@ class Sampled:
     distance: Float32Array
     gradient: Float32Array
     cosine: Float32Array
-
-    def at(self, index: IntArray) -> Sampled:
-        """Pick some of the poses."""
-        return Sampled(
-            self.moved[:, index], self.beams[:, index], self.distance[index], self.gradient[index], self.cosine[index]
-        )
 
     def along_beam(self) -> Float32Array:
         """Residuals along the beams (K, M) mm: how far in front of bone (+) or inside it (-) each beam ended."""
@@ -136,11 +140,37 @@ def one_sided(residuals: Float32Array, scale_mm: float, inside: float) -> tuple[
     return loss, weight
 
 
-def scores(found: Sampled, scale_mm: float, inside: float) -> Float32Array:
+def scores(
+    field: DistanceField, poses: Poses, points: Float32Array, beams: Float32Array, scale_mm: float, inside: float
+) -> Float32Array:
     """Mean one-sided loss (K,) a point; a point on a surface that faces away counts as inside."""
-    loss, _ = one_sided(found.along_beam(), scale_mm, inside)
-    loss[found.cosine <= AWAY] = inside
-    return np.asarray(loss.mean(axis=1), dtype=np.float32)
+    mean = []
+    for some in poses.blocks(points.shape[1]):
+        found = sample(field, some, points, beams)
+        loss, _ = one_sided(found.along_beam(), scale_mm, inside)
+        loss[found.cosine <= AWAY] = inside
+        mean.append(loss.mean(axis=1))
+    return np.concatenate(mean)
+
+
+def descended(
+    field: DistanceField, poses: Poses, points: Float32Array, beams: Float32Array, scale_mm: float, inside: float
+) -> Poses:
+    """Poses after one step each under the one-sided loss of the residuals along the beams."""
+    stepped = []
+    for some in poses.blocks(points.shape[1]):
+        found = sample(field, some, points, beams)
+        _, weight = one_sided(found.along_beam(), scale_mm, inside)
+        stepped.append(step(some, found, beam_weights(found, weight)))
+    return Poses(np.concatenate([s.rotations for s in stepped]), np.concatenate([s.shifts for s in stepped]))
+
+
+def beam_weights(found: Sampled, weight: Float32Array) -> Float32Array:
+    """Turn weights of squared residuals along the beam into weights of squared plane residuals."""
+    cosine = np.maximum(found.cosine, GRAZING)
+    weight = weight / (cosine * cosine)
+    weight[found.cosine <= 0] = 0.0
+    return weight
 
 
 def step(poses: Poses, found: Sampled, weights: Float32Array, damping: float = 1e-3) -> Poses:
@@ -159,8 +189,8 @@ def step(poses: Poses, found: Sampled, weights: Float32Array, damping: float = 1
     x, y, z = found.moved
     n0, n1, n2 = (found.gradient[..., k] for k in range(3))
     count, size = found.distance.shape
-    rows = np.empty((count, 7, size), dtype=np.float32)
-    rows[:, 3], rows[:, 4], rows[:, 5], rows[:, 6] = n0, n1, n2, found.distance
+    rows = np.empty((count, 8, size), dtype=np.float32)  # the last is for width alone: products of eight are faster
+    rows[:, 3], rows[:, 4], rows[:, 5], rows[:, 6], rows[:, 7] = n0, n1, n2, found.distance, 0.0
     n0, n1, n2 = rows[:, 3], rows[:, 4], rows[:, 5]
     for k, (a, b, c, d) in enumerate(((y, n2, z, n1), (z, n0, x, n2), (x, n1, y, n0))):
         np.multiply(a, b, out=rows[:, k])

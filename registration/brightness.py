@@ -62,7 +62,7 @@ def without_dark_points(scan: Scan, model: Model, solution: Solution, regions: F
     if bright.all() or bright[solution.inliers].mean() < ENOUGH:
         return solution
     known = scan.covariance is not None
-    again = register_robust(_part(scan, bright), model, solution.model_from_scanner, None, regions)
+    again = register_robust(scan.part(bright), model, solution.model_from_scanner, None, regions)
     pose = again.model_from_scanner
     allowed = bright & outside_regions(transform(pose, scan.points), regions)
     voters = np.where(np.append(bright, False)[solution.around], solution.around, len(scan))
@@ -75,10 +75,3 @@ def without_dark_points(scan: Scan, model: Model, solution: Solution, regions: F
         history=[*solution.history, *again.history, *final.history],
         noise=final.noise,
     )
-
-
-def _part(scan: Scan, keep: BoolArray) -> Scan:
-    """The scan with some of its points alone."""
-    covariance = None if scan.covariance is None else scan.covariance[keep]
-    grid = None if scan.grid is None else scan.grid[keep]
-    return Scan(scan.points[keep], scan.beams[keep], scan.origin, covariance, None, grid)

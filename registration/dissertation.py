@@ -14,7 +14,6 @@ from registration.noise import TYPICAL_RANGE_MM, NoiseModel, estimated_range_noi
 from registration.rigid import pose, rotation_from_vector, transform
 from registration.scan import Scan
 from registration.surface import Surface
-from registration.tissue import neighbours
 from registration.visibility import visible_shell
 
 
@@ -138,7 +137,7 @@ def solve_as_dissertation(
         history=result.history,
         rivals=[],
         noise=NoiseModel(noise),
-        around=neighbours(scan),
+        around=scan.around,
         cost=float(np.mean(closest.signed_mm**2)),
         method="dissertation",
     )

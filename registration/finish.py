@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from registration._types import BoolArray, FloatArray, IntArray
+from registration._types import BoolArray, Float32Array, FloatArray, IntArray, Neighbours
 from registration.icp import Iteration
 from registration.measures import residual_measures
 from registration.noise import NoiseModel, estimated_range_noise
-from registration.quality import plane_rows
+from registration.quality import plane_rows, weighted_squares
 from registration.rigid import orthonormalised, small_motion, transform
 from registration.scan import Scan
 from registration.surface import Closest, Surface
@@ -31,7 +31,7 @@ REWEIGHTED_STEPS = 5
 SETTLED_MM = 0.002
 """They have settled when a step moves the points by less."""
 
-RESTING_MM = 0.02
+RESTING_MM = 0.05
 """The finish ends when the points' root mean square motion is below this; the tangent planes then hold."""
 
 RIDGE = np.array([25.0, 25.0, 25.0, 0.04, 0.04, 0.04])
@@ -85,7 +85,7 @@ def exact_finish(
     surface: Surface,
     start: FloatArray,
     noise: NoiseModel,
-    around: IntArray,
+    around: Neighbours,
     allowed: BoolArray,
     *,
     noise_known: bool = False,
@@ -145,6 +145,7 @@ class _Tangent:
 
     hits: FloatArray
     centre: FloatArray
+    moments: FloatArray
     faces: IntArray
     normals: FloatArray
     signed_mm: FloatArray
@@ -162,42 +163,51 @@ class _Tangent:
         ahead = np.where(hit, distance - scan.ranges, 0.0)
         normals = surface.face_normals[faces]
         cosine = -np.einsum("ij,ij->i", normals, beams)
-        hits = origin + beams * (scan.ranges + ahead)[:, None]
+        hits = beams
+        hits *= (scan.ranges + ahead)[:, None]
+        hits += origin
         centre = np.asarray(hits.mean(axis=0), dtype=np.float64)
         rows = plane_rows(hits, normals, centre)
+        moments = hits.T @ (hits - centre) / len(hits)
         stretch = 1.0 / np.maximum(cosine, STEEP)
-        return cls(
-            hits, centre, faces, normals, ahead * cosine, rows, cosine, stretch, allowed & hit & (cosine > FACING)
-        )
+        usable = allowed & hit & (cosine > FACING)
+        return cls(hits, centre, moments, faces, normals, ahead * cosine, rows, cosine, stretch, usable)
 
     def residual(self, x: FloatArray) -> FloatArray:
         """Plane residuals (N,) after the motion `x` (6,)."""
         return np.asarray(self.signed_mm + self.rows @ x, dtype=np.float64)
 
-    def bone(self, residual: FloatArray, sigma: FloatArray, around: IntArray) -> tuple[FloatArray, BoolArray]:
+    def bone(self, residual: FloatArray, sigma: FloatArray, around: Neighbours) -> tuple[FloatArray, BoolArray]:
         """Probability of bone (N,), and the points that count as it."""
-        probability = bone_probability(residual * self.stretch, sigma * self.stretch, around) * self.usable
+        probability = bone_probability(self._along(residual), self._along(sigma), around) * self.usable
         return probability, (probability > 0.5) & (np.abs(residual) < STRAY_SIGMA * sigma)
 
-    def likelihood(self, residual: FloatArray, sigma: FloatArray, around: IntArray) -> float:
+    def _along(self, values: FloatArray) -> Float32Array:
+        """Lengths (N,) across the tangent planes taken along the beams: single precision tells bone from tissue."""
+        return (values * self.stretch).astype(np.float32)
+
+    def likelihood(self, residual: FloatArray, sigma: FloatArray, around: Neighbours) -> float:
         """Mean log likelihood a point; a beam that misses the model, or meets its back, cannot be."""
-        along = np.where(self.usable, residual * self.stretch, -INSIDE_MM)
-        return float(log_likelihood(along, sigma * self.stretch, around).mean())
+        along = np.where(self.usable, self._along(residual), np.float32(-INSIDE_MM))
+        return float(log_likelihood(along, self._along(sigma), around).mean(dtype=np.float64))
 
     def motion_mm(self, x: FloatArray) -> float:
-        """Root mean square shift of the points by the motion `x` (6,)."""
-        move = np.cross(x[:3], self.hits - self.centre) + x[3:]
-        return float(np.sqrt((move**2).sum(axis=1).mean()))
+        """Root mean square shift of the points by the motion `x` (6,): of their second moments, for it is linear."""
+        turn, shift = x[:3], x[3:]
+        square = np.trace(self.moments) * (turn @ turn) - turn @ self.moments @ turn + shift @ shift
+        return float(np.sqrt(max(0.0, square)))
 
     def solve(self, weight: FloatArray) -> FloatArray:
         """Weighted least-squares motion (6,)."""
-        normal = (self.rows * weight[:, None]).T @ self.rows
-        normal += np.diag(RIDGE)
+        normal = weighted_squares(self.rows, weight) + np.diag(RIDGE)
         return np.asarray(-np.linalg.solve(normal, self.rows.T @ (weight * self.signed_mm)))
 
     def met(self, scan: Scan, surface: Surface, solution: FloatArray, residual: FloatArray) -> Closest:
-        """Where the beams meet the model, with residuals (N,) of the end; closest points where they do not."""
-        found = Closest(self.hits.copy(), self.normals.copy(), residual.copy(), self.faces.copy())
+        """Where the beams meet the model, with residuals (N,) of the end; closest points where they do not.
+
+        The arrays are this plane's own, which is of no use afterwards: a million points leave no room for two.
+        """
+        found = Closest(self.hits, self.normals, residual, self.faces)
         beside = np.flatnonzero(self.faces < 0)
         if len(beside):
             closest = surface.closest(transform(solution, scan.points[beside]))

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from registration._types import FloatArray, IntArray
-from registration.batch import AWAY, Poses, Sampled, cast, sample, step
-from registration.field import DistanceField, Float32Array
-from registration.race import beam_weights
+from registration._types import Float32Array, FloatArray, Neighbours
+from registration.batch import AWAY, Poses, Sampled, beam_weights, cast, sample, step
+from registration.field import DistanceField
 from registration.tissue import bone_probability, log_likelihood
 
 INSIDE_MM = 10.0
@@ -19,7 +18,7 @@ def polish(
     poses: Poses,
     points: Float32Array,
     beams: Float32Array,
-    around: IntArray,
+    around: Neighbours,
     sigma_mm: float,
     iterations: tuple[int, int] = (5, 0),
 ) -> tuple[Poses, FloatArray]:

@@ -14,7 +14,6 @@ from registration._types import FloatArray
 from registration.noise import NoiseModel
 from registration.robust import initial_noise
 from registration.scan import Scan
-from registration.tissue import neighbours
 
 LARGEST_RATIO = 4.0
 """Noise differs from that of the median echo by this factor at most: beyond it, other errors rule."""
@@ -39,8 +38,8 @@ def weighted_by_response(scan: Scan, noise_mm: float | None) -> Scan:
     """
     if scan.response_mv is None:
         raise ValueError("the scan has no responses to weigh its points by")
-    middle = initial_noise(scan, neighbours(scan), noise_mm)
+    middle = initial_noise(scan, noise_mm)
     variance = (middle * relative_noise(scan.response_mv)) ** 2
     along = np.einsum("ni,nj->nij", scan.beams, scan.beams)
     across = NoiseModel().lateral_mm ** 2 * (np.eye(3) - along)
-    return replace(scan, covariance=variance[:, None, None] * along + across)
+    return replace(scan, covariance=variance[:, None, None] * along + across, grid=scan.raster)

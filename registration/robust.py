@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from registration._types import FloatArray, IntArray
+from registration._types import FloatArray
 from registration.assess import Solution
 from registration.exclusion import outside_regions
 from registration.finish import Final, exact_finish
@@ -20,7 +20,7 @@ from registration.result import Rival
 from registration.rigid import transform
 from registration.scan import Scan
 from registration.search import Search
-from registration.tissue import neighbours, raster_noise
+from registration.tissue import raster_noise
 
 FINISHED, WITHIN = 3, 60.0
 """So many candidates are finished, if their log likelihoods are within this of the best; the likeliest is taken."""
@@ -45,23 +45,21 @@ def register_robust(
     regions : (K, 4) array
         Excluded spheres of the model, centre and radius.
     """
-    around = neighbours(scan)
-    sigma = initial_noise(scan, around, noise_mm)
-    search = Search(scan, around, model, sigma)
+    sigma = initial_noise(scan, noise_mm)
+    search = Search(scan, model, sigma)
     candidates = search.from_anywhere() if start is None else search.about(start)
     known = noise_mm is not None or scan.covariance is not None
 
-    def finished(start: FloatArray, points: Scan, neighbourhood: IntArray) -> Final:
+    def finished(start: FloatArray, points: Scan) -> Final:
         allowed = outside_regions(transform(start, points.points), regions)
         noise = NoiseModel(sigma)
-        return exact_finish(points, model.surface, start, noise, neighbourhood, allowed, noise_known=known)
+        return exact_finish(points, model.surface, start, noise, points.around, allowed, noise_known=known)
 
     least = candidates[0].log_likelihood - WITHIN / len(search.thin)
-    likely = [c for c in candidates[:FINISHED] if c.log_likelihood >= least]
-    starts = [c.model_from_scanner for c in likely]
+    starts = [c.model_from_scanner for c in candidates[:FINISHED] if c.log_likelihood >= least]
     if search.thin is not scan:
-        starts = [finished(s, search.thin, search.thin_around).model_from_scanner for s in starts]
-    finals = [finished(s, scan, around) for s in starts]
+        starts = [finished(s, search.thin).model_from_scanner for s in starts]
+    finals = [finished(s, scan) for s in starts]
     final = max(finals, key=lambda f: f.log_likelihood)
     ends = [(f.model_from_scanner, f.log_likelihood) for f in finals]
     offset = finals[0].log_likelihood - candidates[0].log_likelihood
@@ -74,7 +72,7 @@ def register_robust(
         history=final.history,
         rivals=rivals_of(best, ends, search.middle),
         noise=final.noise,
-        around=around,
+        around=scan.around,
         cost=-final.log_likelihood,
         method="robust",
         sure=start is not None or search.sure(candidates),
@@ -93,11 +91,11 @@ def rivals_of(best: FloatArray, ends: list[tuple[FloatArray, float]], middle: Fl
     return rivals[:MAX_RIVALS]
 
 
-def initial_noise(scan: Scan, around: IntArray, noise_mm: float | None) -> float:
+def initial_noise(scan: Scan, noise_mm: float | None) -> float:
     """Noise along the beam to search with: given, from the covariances, or from the raster itself."""
     if noise_mm is not None:
         return noise_mm
     if scan.covariance is not None:
         return float(np.sqrt(np.median(np.einsum("ni,nij,nj->n", scan.beams, scan.covariance, scan.beams))))
-    found = raster_noise(scan, around)
+    found = raster_noise(scan)
     return float(np.clip(0.65 * found, 0.1, 2.0)) if np.isfinite(found) else TYPICAL_RANGE_MM

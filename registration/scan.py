@@ -8,8 +8,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from registration._types import FloatArray, IntArray
+from registration._types import BoolArray, FloatArray, IntArray, Neighbours
 from registration.errors import DegenerateError, PointsError
+from registration.raster import found_grid, neighbours, thinned
 
 MIN_POINTS = 6
 """A rigid pose has six unknowns."""
@@ -43,6 +44,33 @@ class Scan:
 
     def __len__(self) -> int:
         return len(self.points)
+
+    @cached_property
+    def raster(self) -> IntArray | None:
+        """Rows and columns (N, 2): those given, else those that the beams show; None when they lie on no raster."""
+        return self.grid if self.grid is not None else found_grid(self.beams)
+
+    @cached_property
+    def around(self) -> Neighbours:
+        """Indices (N, 8) of each point's neighbours in the raster; N stands for "none there"."""
+        return neighbours(self.beams, self.raster)
+
+    def part(self, chosen: IntArray | BoolArray, grid: IntArray | None = None) -> Scan:
+        """Some of the points, by index or mark, with other rows and columns if these are given."""
+        covariance = None if self.covariance is None else self.covariance[chosen]
+        response = None if self.response_mv is None else self.response_mv[chosen]
+        if grid is None and self.raster is not None:
+            grid = self.raster[chosen]
+        return Scan(self.points[chosen], self.beams[chosen], self.origin, covariance, response, grid)
+
+    def thinned(self, count: int) -> Scan:
+        """At most about `count` points, evenly spread in the raster; drawn at random where there is none."""
+        every = -(-len(self) // count)
+        if every == 1:
+            return self
+        if self.raster is None:
+            return self.part(np.sort(np.random.default_rng(0).permutation(len(self))[:count]))
+        return self.part(*thinned(self.raster, every))
 
     @cached_property
     def ranges(self) -> FloatArray:
@@ -83,8 +111,9 @@ def checked_scan(
     extent = float(np.ptp(p, axis=0).max())
     if extent < 1.0:
         raise PointsError(f"the cloud measures {extent:.3g} across: it seems to be in metres; scale it by 1000 to mm")
-    spread = np.linalg.svd(p - p.mean(axis=0), compute_uv=False)
-    if spread[1] <= 1e-6 * spread[0]:
+    local = p - p.mean(axis=0)
+    spread = np.linalg.eigvalsh(local.T @ local)
+    if spread[1] <= 1e-12 * spread[2]:
         raise DegenerateError("all points lie on one line: the rotation about it is free; scan an area")
     o = _sized(origin, (3,), "origin")
     offset = p - o

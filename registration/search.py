@@ -19,7 +19,6 @@ from registration.race import HEATS, NEAR_HEATS, Cloud, Heat, distinct, race, sh
 from registration.rigid import inverse, pose, transform
 from registration.scan import Scan
 from registration.seeds import rotations_in_cone, rotations_near
-from registration.tissue import neighbours
 from registration.views import SHELL_CONE_DEG, Place, View
 from registration.visibility import visible_centroids
 
@@ -50,7 +49,7 @@ FINE_STEP_MM = 1.5
 CLEAR = 40.0
 """A minimum is clear when its log likelihood exceeds the next one's by so much."""
 
-MET_BY_MANY = 6
+MET_BY_MANY = 4
 """A clear minimum that so many finishers reached needs no closer look."""
 
 CLEAR_LOOK, UNCLEAR_LOOK = (8.0, 32), (30.0, 128)
@@ -69,24 +68,17 @@ class Search:
     Parameters
     ----------
     scan : Scan
-    around : (N, 8) array
-        Raster neighbours of its points.
     model : Model
     sigma_mm : float
         Noise along the beam.
     """
 
-    def __init__(self, scan: Scan, around: IntArray, model: Model, sigma_mm: float) -> None:
+    def __init__(self, scan: Scan, model: Model, sigma_mm: float) -> None:
         self.scan, self.model, self.sigma_mm = scan, model, sigma_mm
         self.towards = _unit(-scan.beams.mean(axis=0))
         self.middle = np.asarray(scan.points.mean(axis=0), dtype=np.float64)
         self.stretch = max(1.0, sigma_mm / TYPICAL_RANGE_MM)
-        self.thin, self.thin_around = scan, around
-        if len(scan) > POLISHED_POINTS:
-            chosen = np.sort(shuffle(len(scan))[:POLISHED_POINTS])
-            covariance = None if scan.covariance is None else scan.covariance[chosen]
-            self.thin = Scan(scan.points[chosen], scan.beams[chosen], scan.origin, covariance)
-            self.thin_around = neighbours(self.thin)
+        self.thin = scan.thinned(POLISHED_POINTS)
 
     @cached_property
     def centres(self) -> list[list[FloatArray]]:
@@ -214,7 +206,7 @@ class Search:
         first, hits = distinct(finishers)
         points = np.ascontiguousarray((self.thin.points - centre).T, dtype=np.float32)
         beams = np.ascontiguousarray(self.thin.beams.T, dtype=np.float32)
-        around, sigma = self.thin_around, self.sigma_mm
+        around, sigma = self.thin.around, self.sigma_mm
         polished, likelihood = polish(view.fine, finishers.at(first), points, beams, around, sigma)
         best = np.argsort(-likelihood, kind="stable")[:FINALISTS]
         polished, likelihood = polish(view.fine, polished.at(best), points, beams, around, sigma, (2, 3))

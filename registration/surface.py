@@ -12,6 +12,9 @@ from registration._types import BoolArray, FloatArray, IntArray
 from registration.mesh import face_normals_and_areas
 from registration.rays import EmbreeRays, Rays, TreeRays, first_hits
 
+CAST_AT_ONCE = 32_000
+"""Beams cast in one go: what one needs on the way is ten times what is kept of it."""
+
 TOUCHING_MM = 1e-6
 """Nearer than this the direction to the surface is rounding; the pseudonormal stands in."""
 
@@ -107,7 +110,13 @@ class Surface:
         distances : (N,) array
             mm; infinite where nothing is met.
         """
-        return first_hits(self._rays, origins, directions, self._first_corners, self.face_normals)
+        faces, distances = np.empty(len(directions), dtype=np.int64), np.empty(len(directions))
+        for first in range(0, len(directions), CAST_AT_ONCE):
+            some = slice(first, first + CAST_AT_ONCE)
+            faces[some], distances[some] = first_hits(
+                self._rays, origins[some], directions[some], self._first_corners, self.face_normals
+            )
+        return faces, distances
 
     @cached_property
     def _rays(self) -> Rays:

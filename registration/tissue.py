@@ -12,9 +12,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from registration._types import FloatArray, IntArray
+from registration._types import FloatArray, Neighbours
 from registration.scan import Scan
-from registration.seeds import frame_about
 
 COUPLING = 0.25
 """Share of a neighbour's log odds."""
@@ -32,43 +31,12 @@ CLIP = 3.0
 """Largest log odds that a neighbour may put in."""
 
 
-def neighbours(scan: Scan) -> IntArray:
-    """Indices (N, 8) of each point's neighbours in the raster; N stands for "none there".
-
-    From the raster's rows and columns when the scan has them, else from the beams' directions.
-    """
-    if scan.grid is not None:
-        return _raster_neighbours(scan.grid)
-    from scipy.spatial import cKDTree
-
-    local = scan.beams @ frame_about(_unit(scan.beams.mean(axis=0)))
-    place = local[:, :2] / local[:, 2:]
-    query = cKDTree(place).query(place, min(9, len(scan)))
-    distance, index = np.asarray(query[0]), np.asarray(query[1], dtype=np.int64)
-    reach = 2.3 * float(np.median(distance[:, 1]))
-    return np.where(distance[:, 1:] <= reach, index[:, 1:], len(scan))
-
-
-def _raster_neighbours(grid: IntArray) -> IntArray:
-    place = np.asarray(grid - grid.min(axis=0) + 1, dtype=np.int64)
-    rows, columns = int(np.max(place[:, 0])) + 2, int(np.max(place[:, 1])) + 2
-    image = np.full((rows, columns), len(grid), dtype=np.int64)
-    image[place[:, 0], place[:, 1]] = np.arange(len(grid))
-    steps = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
-    return np.stack([image[place[:, 0] + i, place[:, 1] + j] for i, j in steps], axis=1)
-
-
-def _unit(vector: FloatArray) -> FloatArray:
-    unit: FloatArray = vector / np.linalg.norm(vector)
-    return unit
-
-
-def raster_noise(scan: Scan, around: IntArray) -> float:
+def raster_noise(scan: Scan) -> float:
     """Upper bound of the range noise in mm, from how each range departs from its neighbours' mean; needs no model.
 
     The lower quartile of the departures counts, since tissue edges and rims depart for other reasons.
     """
-    ranges = scan.ranges
+    ranges, around = scan.ranges, scan.around
     count = (around < len(scan)).sum(axis=1)
     full = count >= 6
     if full.sum() < 20:
@@ -93,7 +61,7 @@ def _bone_likelihood(
     return np.asarray(-0.5 * z * z - (float(scale) if np.ndim(scale) == 0 else scale))
 
 
-def neighbour_sum(values: npt.NDArray[np.floating], around: IntArray) -> FloatArray:
+def neighbour_sum(values: npt.NDArray[np.floating], around: Neighbours) -> FloatArray:
     """Sum (..., N) of the `values` (..., N) of each point's neighbours `around` (N, 8)."""
     padded = np.concatenate([values, np.zeros((*values.shape[:-1], 1), dtype=values.dtype)], axis=-1)
     total = padded.take(around[:, 0], axis=-1)
@@ -102,13 +70,13 @@ def neighbour_sum(values: npt.NDArray[np.floating], around: IntArray) -> FloatAr
     return np.asarray(total)
 
 
-def neighbour_odds(own: FloatArray, around: IntArray) -> FloatArray:
+def neighbour_odds(own: FloatArray, around: Neighbours) -> FloatArray:
     """Log odds (..., N) that the neighbours `around` (N, 8) lend to each point, from their own ones (..., N)."""
     return np.asarray(COUPLING * neighbour_sum(np.clip(own, -CLIP, CLIP), around))
 
 
 def bone_probability(
-    residuals: npt.NDArray[np.floating], sigma_mm: npt.NDArray[np.floating] | float, around: IntArray
+    residuals: npt.NDArray[np.floating], sigma_mm: npt.NDArray[np.floating] | float, around: Neighbours
 ) -> FloatArray:
     """Probability (..., N) of being bone for residuals (..., N) along the beam."""
     own = log_odds(residuals, sigma_mm)
@@ -117,7 +85,7 @@ def bone_probability(
 
 
 def log_likelihood(
-    residuals: npt.NDArray[np.floating], sigma_mm: npt.NDArray[np.floating] | float, around: IntArray
+    residuals: npt.NDArray[np.floating], sigma_mm: npt.NDArray[np.floating] | float, around: Neighbours
 ) -> FloatArray:
     """Log likelihood (..., N) of the mixture of bone and tissue, its shares lent by the neighbours: poses' rank."""
     own = log_odds(residuals, sigma_mm)
