@@ -1,6 +1,7 @@
 """Prepared models on disk, by digest of their content: safe to delete at any time.
 
-One file a model, ``registration-v<version>-<digest>.npz``, in the folder named by the environment variable
+One file a model, ``registration-v<version>-<digest>.npz``, with the mesh and the fields of its likeliest view, and one
+for the fields of any other view that was ever needed, in the folder named by the environment variable
 ``PICORADAR_CACHE``, else in the user's cache folder of the platform. A file is written under another name and then
 renamed, so that readers never see half of it; one that cannot be read is made anew.
 """
@@ -15,7 +16,7 @@ import tempfile
 import warnings
 import zipfile
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -25,14 +26,26 @@ import numpy.typing as npt
 from registration._types import FloatArray, IntArray
 from registration.field import DistanceField
 from registration.mesh import MeshReport
-from registration.views import View
+from registration.views import Fields
 
-VERSION = 4
+VERSION = 5
 """Raised whenever preparation or the file's layout changes."""
 
-Prepared = tuple[FloatArray, IntArray, MeshReport, tuple[View, ...]]
+HollowPlace = tuple[FloatArray, float, FloatArray, bool]
+"""Centre (3,) mm, radius (mm), axis (3,) of a view, and whether it is the whole model."""
 
 T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What is kept of a model: its mesh, what validation found, where its views are, and the fields of the first."""
+
+    vertices: FloatArray
+    faces: IntArray
+    report: MeshReport
+    places: tuple[HollowPlace, ...]
+    fields: Fields
 
 
 def folder() -> Path:
@@ -61,9 +74,13 @@ def load(key: str) -> Prepared | None:
     return _read(key, _prepared)
 
 
-def load_view(key: str) -> View | None:
-    """Read a single view; None when it is not there or cannot be read."""
-    return _read(key, lambda stored: _view(stored, 0))
+def kept_fields(name: str, make: Callable[[], Fields]) -> Fields:
+    """Read the fields that are kept under a name; where there are none, make them and keep them."""
+    fields = _read(name, _fields)
+    if fields is None:
+        fields = make()
+        _write(name, _field_arrays(fields))
+    return fields
 
 
 def _read(key: str, taken: Callable[[Mapping[str, Any]], T]) -> T | None:
@@ -75,30 +92,24 @@ def _read(key: str, taken: Callable[[Mapping[str, Any]], T]) -> T | None:
 
 
 def _prepared(stored: Mapping[str, Any]) -> Prepared:
-    header = json.loads(str(stored["header"]))
-    views = tuple(_view(stored, index) for index in range(header["views"]))
-    return stored["vertices"], stored["faces"], _report(header["report"]), views
+    report = _report(json.loads(str(stored["report"])))
+    places = tuple((row[:3], float(row[3]), row[4:7], bool(row[7])) for row in stored["places"])
+    return Prepared(stored["vertices"], stored["faces"], report, places, _fields(stored))
 
 
 def store(key: str, prepared: Prepared) -> None:
     """Write a prepared model; a folder that cannot be written to costs a warning and no more."""
-    vertices, faces, report, views = prepared
-    header = json.dumps({"report": asdict(report), "views": len(views)})
-    _write(key, {"header": np.array(header), "vertices": vertices, "faces": faces, **_arrays(views)})
+    places = np.array([[*centre, radius, *axis, whole] for centre, radius, axis, whole in prepared.places])
+    report = np.array(json.dumps(asdict(prepared.report)))
+    mesh = {"vertices": prepared.vertices, "faces": prepared.faces}
+    _write(key, {"report": report, "places": places, **mesh, **_field_arrays(prepared.fields)})
 
 
-def store_view(key: str, view: View) -> None:
-    """Write a single view, as :func:`store` does a model."""
-    _write(key, _arrays((view,)))
-
-
-def _arrays(views: tuple[View, ...]) -> dict[str, npt.NDArray[Any]]:
+def _field_arrays(fields: Fields) -> dict[str, npt.NDArray[Any]]:
     arrays: dict[str, npt.NDArray[Any]] = {}
-    for index, view in enumerate(views):
-        arrays[f"place{index}"] = np.concatenate([view.centre, [view.radius_mm], view.axis, [view.whole]])
-        for name, field in (("fine", view.fine), ("coarse", view.coarse)):
-            arrays[f"{name}{index}"] = field.nodes
-            arrays[f"{name}_grid{index}"] = np.concatenate([field.low, [field.step_mm], field.shape])
+    for name, field in zip(("fine", "coarse"), fields, strict=True):
+        arrays[name] = field.nodes
+        arrays[f"{name}_grid"] = np.concatenate([field.low, [field.step_mm], field.shape])
     return arrays
 
 
@@ -128,14 +139,13 @@ def _report(values: dict[str, Any]) -> MeshReport:
     return MeshReport(**values)
 
 
-def _view(stored: Mapping[str, Any], index: int) -> View:
-    place = stored[f"place{index}"]
-    fields = []
-    for name in ("fine", "coarse"):
-        grid = stored[f"{name}_grid{index}"]
-        shape = (int(grid[4]), int(grid[5]), int(grid[6]))
-        nodes = stored[f"{name}{index}"]
-        if nodes.shape != (shape[0] * shape[1] * shape[2], 4):
-            raise ValueError(f"field {name} has {nodes.shape} nodes for a grid of {shape}")
-        fields.append(DistanceField(low=grid[:3], step_mm=float(grid[3]), shape=shape, nodes=nodes))
-    return View(place[:3], float(place[3]), place[4:7], fields[0], fields[1], whole=bool(place[7]))
+def _fields(stored: Mapping[str, Any]) -> Fields:
+    return _field(stored, "fine"), _field(stored, "coarse")
+
+
+def _field(stored: Mapping[str, Any], name: str) -> DistanceField:
+    grid, nodes = stored[f"{name}_grid"], stored[name]
+    shape = (int(grid[4]), int(grid[5]), int(grid[6]))
+    if nodes.shape != (shape[0] * shape[1] * shape[2], 4):
+        raise ValueError(f"field {name} has {nodes.shape} nodes for a grid of {shape}")
+    return DistanceField(low=grid[:3], step_mm=float(grid[3]), shape=shape, nodes=nodes)

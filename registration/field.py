@@ -9,12 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from registration._types import FloatArray
+from registration._types import Float32Array, FloatArray
 from registration.surface import Surface
-
-Float32Array = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -88,15 +85,23 @@ def build_fields(
     fields: list[DistanceField] = []
     for factor in (4, 2, 1):
         step = step_mm * factor
-        shape = [int(np.ceil((high[k] - low[k]) / step)) + 1 for k in range(3)]
-        axes = [low[k] + step * np.arange(shape[k]) for k in range(3)]
-        points = np.stack(np.meshgrid(*axes, indexing="ij")).reshape(3, -1)
-        nodes = np.empty((points.shape[1], 4), dtype=np.float32)
-        near = np.ones(points.shape[1], dtype=np.bool_)
-        if fields:
-            nodes[:, 0], nodes[:, 1:] = fields[-1].sample(points.astype(np.float32))
-            near = np.abs(nodes[:, 0]) < band_mm * factor
-        found = surface.closest(np.ascontiguousarray(points.T[near]))
+        x, y, z = (int(np.ceil((high[k] - low[k]) / step)) + 1 for k in range(3))
+        nodes = _halved(fields[-1], (x, y, z)) if fields else np.zeros((x * y * z, 4), dtype=np.float32)
+        near = np.flatnonzero(np.abs(nodes[:, 0]) < band_mm * factor)
+        places = np.stack(np.unravel_index(near, (x, y, z)), axis=1)
+        found = surface.closest(low + step * places)
         nodes[near, 0], nodes[near, 1:] = found.signed_mm, found.normals
-        fields.append(DistanceField(low=low, step_mm=step, shape=(shape[0], shape[1], shape[2]), nodes=nodes))
+        fields.append(DistanceField(low=low, step_mm=step, shape=(x, y, z), nodes=nodes))
     return fields[2], fields[1]
+
+
+def _halved(field: DistanceField, shape: tuple[int, int, int]) -> Float32Array:
+    """Nodes (n, 4) at half the step over `shape`: each follows to first order from the node at or just before it."""
+    given = field.nodes.reshape(*field.shape, 4)
+    nodes = np.empty((*shape, 4), dtype=np.float32)
+    for offset in np.ndindex(2, 2, 2):
+        place = nodes[offset[0] :: 2, offset[1] :: 2, offset[2] :: 2]
+        place[:] = given[tuple(slice(n) for n in place.shape[:3])]
+        for axis in np.flatnonzero(offset):
+            place[..., 0] += np.float32(field.step_mm / 2.0) * place[..., 1 + axis]
+    return nodes.reshape(-1, 4)

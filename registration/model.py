@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +12,7 @@ from registration import cache
 from registration._types import FloatArray, IntArray
 from registration.mesh import MeshReport, validated
 from registration.surface import Closest, Surface
-from registration.views import Place, View, make_views, start_view
+from registration.views import Place, View, find_views, start_view, view_at
 
 
 @dataclass(frozen=True)
@@ -84,14 +85,15 @@ class Model:
             If no part of the model is there.
         """
         if place not in self.made:
-            name = f"{self.key}-{place.name}"
-            view = cache.load_view(name) if self.key else None
-            if view is None:
-                view = start_view(self.surface, place)
-                if self.key:
-                    cache.store_view(name, view)
+            view = _kept(start_view(self.surface, place), self.key, place.name)
+            _ = view.fields  # refused here if nothing is there
             self.made[place] = view
         return self.made[place]
+
+
+def _kept(view: View, key: str, name: str) -> View:
+    """The view with its fields kept on disk, for models that have a key."""
+    return replace(view, make=partial(cache.kept_fields, f"{key}-{name}", view.make)) if key else view
 
 
 def prepare_model(vertices: npt.ArrayLike, faces: npt.ArrayLike, *, name: str = "model") -> Model:
@@ -120,8 +122,16 @@ def prepare_model(vertices: npt.ArrayLike, faces: npt.ArrayLike, *, name: str = 
     if prepared is None:
         v, f, report = validated(given_vertices, given_faces)
         surface = Surface(v, f)
-        views = make_views(surface)
-        cache.store(key, (v, f, report, views))
-        return Model(surface=surface, report=report, views=views, name=name, key=key)
-    v, f, report, views = prepared
-    return Model(surface=Surface(v, f), report=report, views=views, name=name, key=key)
+        likeliest, *others = find_views(surface)
+        cache.store(key, cache.Prepared(v, f, report, tuple(map(_place, (likeliest, *others))), likeliest.fields))
+    else:
+        surface, report = Surface(prepared.vertices, prepared.faces), prepared.report
+        likeliest, *others = (view_at(surface, *place) for place in prepared.places)
+        fields = prepared.fields
+        likeliest = replace(likeliest, make=lambda: fields)
+    views = (likeliest, *(_kept(view, key, str(index)) for index, view in enumerate(others, start=1)))
+    return Model(surface=surface, report=report, views=views, name=name, key=key)
+
+
+def _place(view: View) -> cache.HollowPlace:
+    return view.centre, view.radius_mm, view.axis, view.whole

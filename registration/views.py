@@ -6,7 +6,9 @@ front of the hollow can see, and its fields are signed against these.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -47,6 +49,10 @@ DIRECTIONS = 120
 """Directions that starts' views are seen along, some 18 deg apart."""
 
 
+Fields = tuple[DistanceField, DistanceField]
+"""A fine field and a coarse one."""
+
+
 @dataclass(frozen=True)
 class View:
     """One region of a model with what a search needs.
@@ -59,8 +65,8 @@ class View:
         Of the socket's sphere.
     axis : (3,) array
         Unit vector through the middle of the opening, towards where a scanner would be.
-    fine, coarse : DistanceField
-        Of the visible shell, about `centre`.
+    make : callable
+        Makes the fields, or fetches them, when they are first read.
     whole : bool
         The view is the whole model, seen from any side; then `axis` means nothing.
     """
@@ -68,9 +74,23 @@ class View:
     centre: FloatArray
     radius_mm: float
     axis: FloatArray
-    fine: DistanceField
-    coarse: DistanceField
+    make: Callable[[], Fields]
     whole: bool = False
+
+    @cached_property
+    def fields(self) -> Fields:
+        """Fields of the visible shell, about `centre`."""
+        return self.make()
+
+    @property
+    def fine(self) -> DistanceField:
+        """The fine field."""
+        return self.fields[0]
+
+    @property
+    def coarse(self) -> DistanceField:
+        """The coarse field."""
+        return self.fields[1]
 
     def covers(self, points: FloatArray) -> float:
         """Share of `points` (N, 3), model frame, that lie inside the fields' box."""
@@ -84,26 +104,34 @@ class View:
         return bool(np.isfinite(self.radius_mm))
 
 
-def make_views(surface: Surface) -> tuple[View, ...]:
-    """Find the sockets of a surface and prepare a view of each; without any, one view of the whole model."""
-    return tuple(socket_view(surface, socket) for socket in find_sockets(surface)) or (whole_view(surface),)
+def find_views(surface: Surface) -> tuple[View, ...]:
+    """Find the sockets of a surface, likeliest first; without any, there is one view of the whole model."""
+    return tuple(_socket_view(surface, socket) for socket in find_sockets(surface)) or (_whole_view(surface),)
 
 
-def whole_view(surface: Surface) -> View:
-    """Prepare the view of a whole model, seen from any side, with a step that suits its size."""
+def view_at(surface: Surface, centre: FloatArray, radius_mm: float, axis: FloatArray, whole: bool) -> View:
+    """A view that :func:`find_views` found earlier on the same surface."""
+    if whole:
+        return _whole_view(surface)
+    return View(centre, radius_mm, axis, partial(_shell_fields, surface, centre, axis, radius_mm + REACH_MM))
+
+
+def _whole_view(surface: Surface) -> View:
+    """The whole model, seen from any side, with a step that suits its size."""
     low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
     centre = (low + high) / 2.0
-    moved = Surface(surface.vertices - centre, surface.faces)
-    step = max(1.0, float((high - low).max()) / WHOLE_STEPS)
-    fine, coarse = build_fields(moved, low - centre - MARGIN_MM, high - centre + MARGIN_MM, step_mm=step)
-    return View(centre, float("inf"), np.array([0.0, 0.0, 1.0]), fine, coarse, whole=True)
+
+    def make() -> Fields:
+        moved = Surface(surface.vertices - centre, surface.faces)
+        step = max(1.0, float((high - low).max()) / WHOLE_STEPS)
+        return build_fields(moved, low - centre - MARGIN_MM, high - centre + MARGIN_MM, step_mm=step)
+
+    return View(centre, float("inf"), np.array([0.0, 0.0, 1.0]), make, whole=True)
 
 
-def socket_view(surface: Surface, socket: Socket) -> View:
-    """Prepare the view of one socket."""
+def _socket_view(surface: Surface, socket: Socket) -> View:
     axis = opening(surface, socket)
-    centre, radius = as_scanned(surface, socket, axis)
-    return _view(surface, centre, radius, axis, radius + REACH_MM)
+    return view_at(surface, *as_scanned(surface, socket, axis), axis, whole=False)
 
 
 def as_scanned(surface: Surface, socket: Socket, axis: FloatArray) -> tuple[FloatArray, float]:
@@ -165,18 +193,13 @@ class Place:
 
 
 def start_view(surface: Surface, place: Place) -> View:
-    """Prepare a view of any region.
-
-    Raises
-    ------
-    StartError
-        If no part of the surface is there.
-    """
-    axis = sphere_directions(DIRECTIONS)[place.direction]
-    return _view(surface, CELL_MM * np.array(place.cell), float("inf"), axis, CELL_MM * place.reach)
+    """A view of any region, whose fields can be made only where a part of the surface is (else `StartError`)."""
+    axis, centre = sphere_directions(DIRECTIONS)[place.direction], CELL_MM * np.array(place.cell)
+    return View(centre, float("inf"), axis, partial(_shell_fields, surface, centre, axis, CELL_MM * place.reach))
 
 
-def _view(surface: Surface, centre: FloatArray, radius: float, axis: FloatArray, reach: float) -> View:
+def _shell_fields(surface: Surface, centre: FloatArray, axis: FloatArray, reach: float) -> Fields:
+    """Fields of what can be seen within `reach` of `centre` from the direction `axis`."""
     corners = surface.vertices[surface.faces]
     middle = corners.mean(axis=1)
     span = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
@@ -187,8 +210,7 @@ def _view(surface: Surface, centre: FloatArray, radius: float, axis: FloatArray,
     shell = visible_shell(surface, axis, SHELL_CONE_DEG, only=cropped)
     shell = Surface(shell.vertices - centre, shell.faces)
     low, high = np.maximum(shell.vertices.min(axis=0), -reach), np.minimum(shell.vertices.max(axis=0), reach)
-    fine, coarse = build_fields(shell, low - MARGIN_MM, high + MARGIN_MM)
-    return View(centre, radius, axis, fine, coarse)
+    return build_fields(shell, low - MARGIN_MM, high + MARGIN_MM)
 
 
 def opening(surface: Surface, socket: Socket, rays: int = 400) -> FloatArray:
