@@ -6,6 +6,7 @@ amplitudes and raster neighbours. Millimetres and radians throughout; poses are 
 
 from __future__ import annotations
 
+from registration.cone import Cone
 from registration.dissertation import DissertationSettings
 from registration.errors import DegenerateError, MeshError, PointsError, RegistrationError, StartError
 from registration.files import load_model
@@ -19,6 +20,7 @@ from registration.start import Landmarks
 from registration.verdict import Tolerance
 
 __all__ = [
+    "Cone",
     "DegenerateError",
     "DissertationSettings",
     "Landmarks",

@@ -205,12 +205,14 @@ class _Tangent:
     def met(self, scan: Scan, surface: Surface, solution: FloatArray, residual: FloatArray) -> Closest:
         """Where the beams meet the model, with residuals (N,) of the end; closest points where they do not.
 
+        A beam that passes by the model ended outside it, whatever the sign of the distance to an open model's border.
         The arrays are this plane's own, which is of no use afterwards: a million points leave no room for two.
         """
         found = Closest(self.hits, self.normals, residual, self.faces)
         beside = np.flatnonzero(self.faces < 0)
         if len(beside):
             closest = surface.closest(transform(solution, scan.points[beside]))
-            found.points[beside], found.normals[beside] = closest.points, closest.normals
-            found.signed_mm[beside], found.faces[beside] = closest.signed_mm, closest.faces
+            outwards = np.where(closest.signed_mm < 0.0, -1.0, 1.0)
+            found.points[beside], found.normals[beside] = closest.points, closest.normals * outwards[:, None]
+            found.signed_mm[beside], found.faces[beside] = closest.signed_mm * outwards, closest.faces
         return found

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from registration.assess import Asked, assess, named_targets
 from registration.brightness import without_dark_points
+from registration.cone import Cone
 from registration.dissertation import DissertationSettings, solve_as_dissertation
 from registration.errors import RegistrationError, StartError
 from registration.exclusion import excluded_regions
@@ -18,7 +19,7 @@ from registration.response import weighted_by_response
 from registration.result import Registration
 from registration.robust import register_robust
 from registration.scan import checked_scan
-from registration.start import Start, start_pose
+from registration.start import Start, checked_start
 from registration.verdict import Tolerance
 
 
@@ -47,9 +48,10 @@ def register(
         Scanner frame, mm, N at least 6.
     model : Model
         From :func:`registration.prepare_model` or :func:`registration.load_model`.
-    start : "any", (4, 4) array, Landmarks or list of dicts
-        Where to start: anywhere, from a pose `model_from_scanner`, or from landmark pairs
-        ``{"scanner": [x, y, z], "model": [x, y, z], "name": ...}``.
+    start : "any", Cone or dict, (4, 4) array, Landmarks or list of dicts
+        Where to start: anywhere; anywhere that the scanner looks from within a cone of directions
+        ``{"towards": [x, y, z], "half_angle_deg": a}`` (from the model to the scanner, model frame, any roll); from a
+        pose `model_from_scanner`; or from landmark pairs ``{"scanner": [x, y, z], "model": [x, y, z], "name": ...}``.
     origin : (3,) array
         Where the beams came from, scanner frame, mm.
     covariance : (N, 3, 3) array, optional
@@ -90,16 +92,16 @@ def register(
     if scan.covariance is None and scan.response_mv is not None:
         scan = weighted_by_response(scan, noise_mm)
     regions = excluded_regions(exclude)
-    from_start = start_pose(start)
+    begin = checked_start(start)
     if method == "robust":
-        solution = register_robust(scan, model, from_start, noise_mm, regions)
+        solution = register_robust(scan, model, begin, noise_mm, regions)
         solution = without_dark_points(scan, model, solution, regions)
     elif method == "dissertation":
-        if from_start is None:
+        if begin is None or isinstance(begin, Cone):
             raise StartError("method 'dissertation' needs a start: landmarks or a 4x4 pose; method 'robust' does not")
         if len(regions) > 0:
             raise RegistrationError("method 'dissertation' knows no excluded regions: cut the points, or take 'robust'")
-        solution = solve_as_dissertation(scan, model, from_start, noise_mm, settings)
+        solution = solve_as_dissertation(scan, model, begin, noise_mm, settings)
     else:
         raise RegistrationError(f"method is {method!r}: give 'robust' or 'dissertation'")
     asked = Asked(targets=targets, tolerance=tolerance or Tolerance(), range_bias_mm=range_bias_mm)

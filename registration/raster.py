@@ -142,7 +142,17 @@ def _steps(place: FloatArray) -> FloatArray | None:
     if not across.any():
         return None
     other, which = np.unravel_index(int(np.argmin(np.where(across, square, np.inf))), square.shape)
-    return np.stack([step, between[other, :, which]], axis=1)
+    return _averaged(np.stack([step, between[other, :, which]], axis=1), between.transpose(1, 0, 2).reshape(2, -1))
+
+
+def _averaged(steps: FloatArray, between: FloatArray) -> FloatArray | None:
+    """The steps (2, 2) as all vectors (2, K) between neighbours show them: a single one wavers with its two beams."""
+    multiple = np.rint(np.linalg.solve(steps, between))
+    multiple[:, np.abs(multiple).max(axis=0) > 1.0] = 0.0
+    normal = multiple @ multiple.T
+    if np.linalg.det(normal) < 0.5:
+        return None
+    return np.asarray(np.linalg.solve(normal, multiple @ between.T).T, dtype=np.float64)
 
 
 def _adjacent(grid: IntArray) -> Neighbours:

@@ -11,6 +11,7 @@ import numpy as np
 
 from registration._types import FloatArray
 from registration.assess import Solution
+from registration.cone import ANYWHERE, Cone
 from registration.exclusion import outside_regions
 from registration.finish import Final, exact_finish
 from registration.minima import SAME_DEG, SAME_MM, difference
@@ -30,7 +31,7 @@ MAX_RIVALS = 5
 
 
 def register_robust(
-    scan: Scan, model: Model, start: FloatArray | None, noise_mm: float | None, regions: FloatArray
+    scan: Scan, model: Model, start: FloatArray | Cone | None, noise_mm: float | None, regions: FloatArray
 ) -> Solution:
     """Register a scan to a model.
 
@@ -38,7 +39,7 @@ def register_robust(
     ----------
     scan : Scan
     model : Model
-    start : (4, 4) array or None
+    start : (4, 4) array, Cone or None
         None searches from anywhere.
     noise_mm : float or None
         Range noise; estimated when None.
@@ -46,8 +47,9 @@ def register_robust(
         Excluded spheres of the model, centre and radius.
     """
     sigma = initial_noise(scan, noise_mm)
-    search = Search(scan, model, sigma)
-    candidates = search.from_anywhere() if start is None else search.about(start)
+    cone = start if isinstance(start, Cone) else ANYWHERE
+    search = Search(scan, model, sigma, cone)
+    candidates = search.about(start) if isinstance(start, np.ndarray) else search.from_anywhere()
     known = noise_mm is not None or scan.covariance is not None
 
     def finished(start: FloatArray, points: Scan) -> Final:
@@ -75,7 +77,7 @@ def register_robust(
         around=scan.around,
         cost=-final.log_likelihood,
         method="robust",
-        sure=start is not None or search.sure(candidates),
+        sure=isinstance(start, np.ndarray) or search.sure(candidates),
     )
 
 

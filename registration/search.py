@@ -10,6 +10,7 @@ import numpy as np
 from registration._types import FloatArray, IntArray
 from registration.batch import Poses
 from registration.centres import sphere_centres, sphere_support
+from registration.cone import ANYWHERE, Cone, rotations_within
 from registration.errors import StartError
 from registration.minima import SURE_HITS, Candidate, merged
 from registration.model import Model
@@ -18,7 +19,7 @@ from registration.polish import polish
 from registration.race import HEATS, NEAR_HEATS, Cloud, Heat, distinct, race, shuffle, telling_order
 from registration.rigid import inverse, pose, transform
 from registration.scan import Scan
-from registration.seeds import rotations_in_cone, rotations_near
+from registration.seeds import rotations_near
 from registration.views import SHELL_CONE_DEG, Place, View
 from registration.visibility import visible_centroids
 
@@ -58,6 +59,9 @@ CLEAR_LOOK, UNCLEAR_LOOK = (8.0, 32), (30.0, 128)
 OTHER_RADII = (0.96, 1.04)
 """Further radii of the socket's sphere, as shares of the model's, that are tried where the first race is not clear."""
 
+LEEWAY_DEG = 2.0
+"""A pose found may lie so far outside the cone that was given."""
+
 FINALISTS = 4
 """Candidates of a race that are polished to the end."""
 
@@ -71,10 +75,12 @@ class Search:
     model : Model
     sigma_mm : float
         Noise along the beam.
+    cone : Cone, optional
+        Directions that the scanner may look from.
     """
 
-    def __init__(self, scan: Scan, model: Model, sigma_mm: float) -> None:
-        self.scan, self.model, self.sigma_mm = scan, model, sigma_mm
+    def __init__(self, scan: Scan, model: Model, sigma_mm: float, cone: Cone = ANYWHERE) -> None:
+        self.scan, self.model, self.sigma_mm, self.cone = scan, model, sigma_mm, cone
         self.towards = _unit(-scan.beams.mean(axis=0))
         self.middle = np.asarray(scan.points.mean(axis=0), dtype=np.float64)
         self.stretch = max(1.0, sigma_mm / TYPICAL_RANGE_MM)
@@ -109,7 +115,7 @@ class Search:
         Raises
         ------
         StartError
-            If the sphere of the model's socket fits nowhere.
+            If the sphere of the model's socket fits nowhere, or no pose of the cone explains the points.
         """
         if not any(self.centres):
             raise StartError("no sphere of the model's socket fits the points: give landmarks or a pose to start from")
@@ -122,12 +128,17 @@ class Search:
                     found = merged(found, self._raced(self.model.views[index], anchors[index], draw), self.middle)
                 if draw == 0 and found and self._margin(found) > CLEAR:
                     break
+            if not found:
+                raise StartError("no hollow of the model opens to the cone of directions: widen it, or give a pose")
             if self._margin(found) <= CLEAR or found[0].hits < MET_BY_MANY:
                 found = merged(found, self._near(found, draw), self.middle, bonus=0)
             enough = self._margin(found) > CLEAR or (draw > 0 and self.sure(found))
             if enough and draw + 1 >= least:
                 break
-        return found
+        plausible = [c for c in found if self.cone.holds(c.model_from_scanner[:3, :3] @ self.towards, LEEWAY_DEG)]
+        if not plausible:
+            raise StartError("no pose within the cone of directions explains the points: widen it, or search anywhere")
+        return plausible
 
     def _likely_first(self) -> list[int]:
         """Views by how much of the cloud lies on their spheres: a wrong hollow need not be raced."""
@@ -181,11 +192,13 @@ class Search:
         return found
 
     def _raced(self, view: View, centres: list[FloatArray], draw: int) -> list[Candidate]:
+        seen_from = ANYWHERE if view.whole else Cone(view.axis, SHELL_CONE_DEG + 5.0)
+        rotations = rotations_within((seen_from, self.cone), self.towards, STARTS, draw * STARTS)
+        if len(rotations) == 0:
+            return []
         if view.whole:
-            rotations = rotations_in_cone(view.axis, self.towards, 180.0, STARTS, draw * STARTS)
             shifts = visible_centroids(self.model.surface, rotations @ self.towards) - view.centre
             return self._finishers(view, centres[0], shuffle(len(self.scan), draw), rotations, shifts)
-        rotations = rotations_in_cone(view.axis, self.towards, SHELL_CONE_DEG + 5.0, STARTS, draw * STARTS)
         shifts = _shifts(rotations, np.array(centres))
         order = telling_order(self.scan.points, centres[0], view.radius_mm, draw)
         return self._finishers(view, centres[0], order, rotations, shifts)

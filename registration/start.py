@@ -1,4 +1,4 @@
-"""Where a registration starts: anywhere, a pose, or landmark pairs."""
+"""Where a registration starts: anywhere, a cone of directions, a pose, or landmark pairs."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from registration._types import FloatArray
+from registration.cone import Cone
 from registration.errors import DegenerateError, PointsError, StartError
 from registration.paired import paired_points
 from registration.rigid import checked_pose
@@ -50,11 +51,11 @@ class Landmarks:
         )
 
 
-Start: TypeAlias = str | Landmarks | Sequence[Mapping[str, Any]] | npt.ArrayLike
+Start: TypeAlias = str | Landmarks | Sequence[Mapping[str, Any]] | Cone | Mapping[str, Any] | npt.ArrayLike
 
 
-def start_pose(start: Start) -> FloatArray | None:
-    """Return the 4x4 `model_from_scanner` that `start` stands for; None for ``"any"``.
+def checked_start(start: Start) -> FloatArray | Cone | None:
+    """Return the 4x4 `model_from_scanner` that `start` stands for, or the cone; None for ``"any"``.
 
     Raises
     ------
@@ -63,8 +64,12 @@ def start_pose(start: Start) -> FloatArray | None:
     """
     if isinstance(start, str):
         if start != "any":
-            raise StartError(f"start is {start!r}: give 'any', a 4x4 pose or landmarks")
+            raise StartError(f"start is {start!r}: give 'any', a cone of directions, a 4x4 pose or landmarks")
         return None
+    if isinstance(start, Cone):
+        return start
+    if isinstance(start, Mapping):
+        return Cone.from_mapping(start)
     if isinstance(start, Sequence) and len(start) > 0 and isinstance(start[0], Mapping):
         start = Landmarks.from_pairs(cast("Sequence[Mapping[str, Any]]", start))
     if isinstance(start, Landmarks):

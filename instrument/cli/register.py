@@ -19,7 +19,13 @@ if TYPE_CHECKING:
     from registration import Registration
 
 Method = Annotated[str, typer.Option(help="robust, or dissertation (ICP of the thesis; needs landmarks or a pose).")]
-Start = Annotated[str, typer.Option(help="any, landmarks, or a JSON file with a 4x4 model_from_scanner.")]
+Start = Annotated[
+    str,
+    typer.Option(
+        help="any, landmarks, or a JSON file with a 4x4 model_from_scanner or with the directions that the scanner may "
+        'look from: {"towards": [x,y,z], "half_angle_deg": 20}, model frame.'
+    ),
+]
 
 
 def add_to(app: typer.Typer) -> None:
@@ -144,14 +150,19 @@ def read_regions(path: Path | None) -> list[dict[str, Any]] | None:
 
 
 def _read_checked(path: Path | None, option: str, check: Callable[[Any], object]) -> list[dict[str, Any]] | None:
+    entries = read_list(path, option)
+    _refused_in(f"{option} {path}", check, entries)
+    return entries
+
+
+def _refused_in(where: str, check: Callable[[Any], object], content: object) -> None:
+    """Let the registration check what was read; what it refuses is said with option and file."""
     from registration import RegistrationError
 
-    entries = read_list(path, option)
     try:
-        check(entries)
+        check(content)
     except RegistrationError as error:
-        raise BadInput(f"{option} {path}: {error}") from error
-    return entries
+        raise BadInput(f"{where}: {error}") from error
 
 
 def read_start(start: str, landmarks: Path | None) -> Any:
@@ -162,9 +173,11 @@ def read_start(start: str, landmarks: Path | None) -> Any:
     BadInput
         When they contradict each other or a file does not hold what it should.
     """
+    from registration import Cone, Landmarks
+
     pairs = read_list(landmarks, "--landmarks")
     if pairs is not None:
-        _check_pairs(pairs, landmarks)
+        _refused_in(f"--landmarks {landmarks}", Landmarks.from_pairs, pairs)
     if pairs is not None and start in ("any", "landmarks"):
         return pairs
     if start == "any":
@@ -174,22 +187,17 @@ def read_start(start: str, landmarks: Path | None) -> Any:
     if pairs is not None:
         raise BadInput("--start FILE and --landmarks FILE exclude each other; give one of them")
     pose = _read_json(Path(start), "--start")
+    if isinstance(pose, dict) and "towards" in pose:
+        _refused_in(f"--start {start}", Cone.from_mapping, pose)
+        return pose
     if isinstance(pose, dict):
         pose = pose.get("model_from_scanner")
     if not (isinstance(pose, list) and len(pose) == 4 and all(isinstance(row, list) and len(row) == 4 for row in pose)):
         raise BadInput(
-            f"--start {start}: no 4x4 matrix in it; give rows [[..4 numbers..], ...] or a result of register"
+            f"--start {start}: neither a 4x4 matrix nor a cone of directions in it; give rows [[..4 numbers..], ...], "
+            'a result of register, or {"towards": [x, y, z], "half_angle_deg": a}'
         )
     return pose
-
-
-def _check_pairs(pairs: list[dict[str, Any]], path: Path | None) -> None:
-    from registration import Landmarks, StartError
-
-    try:
-        Landmarks.from_pairs(pairs)
-    except StartError as error:
-        raise BadInput(f"--landmarks {path}: {error}") from error
 
 
 def _read_json(path: Path, option: str) -> Any:

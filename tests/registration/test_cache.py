@@ -84,6 +84,21 @@ def test_a_view_made_for_a_start_is_kept(small: registration.Model, folder: Path
     np.testing.assert_array_equal(first.fine.nodes, second.fine.nodes)
 
 
+def test_a_further_socket_is_prepared_when_it_is_asked_for(small: registration.Model, folder: Path) -> None:
+    vertices = np.concatenate([small.vertices, small.vertices * 1.1 + [80.0, 0.0, 0.0]])
+    faces = np.concatenate([small.faces, small.faces + len(small.vertices)])[:, ::-1]  # hollow side out
+    model = registration.prepare_model(vertices, faces)
+    assert len(model.views) == 2
+    assert len(files(folder)) == 1
+    fine = model.views[1].fine
+    kept = files(folder)
+    assert len(kept) == 2
+    again = registration.prepare_model(vertices, faces)
+    np.testing.assert_array_equal(again.views[1].fine.nodes, fine.nodes)
+    np.testing.assert_array_equal(again.views[1].centre, model.views[1].centre)
+    assert files(folder) == kept
+
+
 def test_a_full_disk_leaves_no_half_written_file(
     small: registration.Model, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from registration.assess import pose_covariance
 from registration.quality import (
+    chi_square_quantile,
     describe_weakness,
     information,
     patch_misfit_mm,
@@ -119,3 +120,12 @@ def test_patches_are_told_from_noise() -> None:
     everything = np.ones(900, dtype=bool)
     assert patch_misfit_mm(noise, everything, around) < 0.1
     assert patch_misfit_mm(noise + wave, everything, around) == pytest.approx(0.5, rel=0.15)
+
+
+@pytest.mark.parametrize("probability", [0.5, 0.9, 0.95, 0.999])
+def test_the_chi_square_quantile_is_that_of_scipy(probability: float) -> None:
+    from scipy.special import chdtri
+
+    for degrees in (0.3, 1.0, 1.7, 2.0, 3.0, 10.0, 200.0):
+        expected = float(chdtri(degrees, 1.0 - probability))
+        assert chi_square_quantile(degrees, probability) == pytest.approx(expected, rel=1e-10)

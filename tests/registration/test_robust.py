@@ -64,6 +64,23 @@ def test_steep_walls_bias_nothing(socket: registration.Model, scan_of: Callable[
 
 
 @pytest.mark.parametrize("seed", range(2))
+def test_points_beside_an_open_model_do_not_lie_inside_bone(
+    socket: registration.Model, scan_of: Callable[..., Any], seed: int
+) -> None:
+    """Beams that pass by the border of a cut-out shell say nothing about bone, on whichever side of it they end."""
+    corners = socket.vertices[socket.faces]
+    inner = (corners[:, :, 2].max(axis=1) < -7.0) & (np.linalg.norm(corners.mean(axis=1), axis=1) < 31.0)
+    shell = registration.prepare_model(socket.vertices, socket.faces[inner])
+    scan = scan_of(socket, 40 + seed)
+    found = registration.register(scan.points, shell, grid=scan.grid)
+    error = registration.pose_error(found.model_from_scanner, scan.truth, np.zeros(3))
+    assert error.rotation_deg < 0.5
+    assert error.translation_mm < 0.2
+    assert 0.5 < found.inliers.mean() < 0.95
+    assert found.verdict == "pass", found.reasons
+
+
+@pytest.mark.parametrize("seed", range(2))
 def test_a_real_bone_is_found_in_its_own_frame(shared_bone: Path, scan_of: Callable[..., Any], seed: int) -> None:
     model = registration.load_model(shared_bone)
     view = model.views[0]

@@ -17,6 +17,9 @@ from instrument.cli.main import run
         ("--targets", '{"position": [0, 0, 0]}', "JSON list of objects"),
         ("--exclude", '[{"center": [0, 0], "radius_mm": 3}]', "excluded region 0"),
         ("--landmarks", '[{"scanner": [0, 0, 1]}]', "model"),
+        ("--start", '{"towards": [0, 0, 1]}', "half_angle_deg"),
+        ("--start", '{"towards": [0, 0, 0], "half_angle_deg": 10}', "no direction"),
+        ("--start", '{"half_angle_deg": 10}', "neither a 4x4 matrix nor a cone"),
     ],
 )
 def test_a_bad_file_is_named_before_the_cloud_is_read(

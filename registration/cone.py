@@ -1,0 +1,73 @@
+"""A cone of directions that the scanner may look from: what an operator knows without clicking a point."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from registration._types import BoolArray, FloatArray
+from registration.errors import StartError
+from registration.seeds import rotations_in_cone
+
+
+@dataclass(frozen=True)
+class Cone:
+    """Directions of the model frame, from the model towards the scanner; any roll about them is allowed.
+
+    Attributes
+    ----------
+    towards : (3,) array
+        Unit vector of the axis.
+    half_angle_deg : float
+        Over 0, at most 180.
+    """
+
+    towards: FloatArray
+    half_angle_deg: float
+
+    @classmethod
+    def from_mapping(cls, given: Mapping[str, Any]) -> Cone:
+        """Make a cone of ``{"towards": [x, y, z], "half_angle_deg": a}``.
+
+        Raises
+        ------
+        StartError
+            If a key is missing or a value is no direction or no angle.
+        """
+        try:
+            towards = np.asarray(given["towards"], dtype=np.float64).reshape(3)
+            half = float(given["half_angle_deg"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise StartError(
+                f'a cone of directions is {{"towards": [x, y, z], "half_angle_deg": a}}, model frame ({error})'
+            ) from error
+        length = float(np.linalg.norm(towards))
+        if not (np.isfinite(length) and length > 0.0):
+            raise StartError(f"the cone's axis {towards.tolist()} is no direction: give three numbers, not all zero")
+        if not 0.0 < half <= 180.0:
+            raise StartError(f"the cone's half angle is {half} deg: give more than 0 and at most 180")
+        return cls(towards / length, half)
+
+    def holds(self, directions: FloatArray, margin_deg: float = 0.0) -> BoolArray:
+        """Which of the unit `directions` (N, 3) lie in the cone widened by `margin_deg`."""
+        least = np.cos(np.radians(min(180.0, self.half_angle_deg + margin_deg)))
+        return np.asarray(directions @ self.towards >= least - 1e-12)
+
+
+ANYWHERE = Cone(np.array([0.0, 0.0, 1.0]), 180.0)
+"""All directions."""
+
+
+def rotations_within(cones: Sequence[Cone], towards: FloatArray, count: int, first: int = 0) -> FloatArray:
+    """Rotations (K, 3, 3) that bring the unit vector `towards` into all of the cones, at any roll.
+
+    Evenly spread over the narrowest cone, `count` of them from number `first` on, less those outside another.
+    """
+    narrowest, *others = sorted(cones, key=lambda cone: cone.half_angle_deg)
+    rotations = rotations_in_cone(narrowest.towards, towards, narrowest.half_angle_deg, count, first)
+    for cone in others:
+        rotations = rotations[cone.holds(rotations @ towards)]
+    return rotations
