@@ -76,11 +76,25 @@ def load(key: str) -> Prepared | None:
 
 def kept_fields(name: str, make: Callable[[], Fields]) -> Fields:
     """Read the fields that are kept under a name; where there are none, make them and keep them."""
-    fields = _read(name, _fields)
-    if fields is None:
-        fields = make()
-        _write(name, _field_arrays(fields))
-    return fields
+    return _kept(name, _fields, make, _field_arrays)
+
+
+def kept_array(name: str, make: Callable[[], FloatArray]) -> FloatArray:
+    """The same for a single array."""
+    return _kept(name, lambda stored: np.asarray(stored["values"], np.float64), make, lambda found: {"values": found})
+
+
+def _kept(
+    name: str,
+    taken: Callable[[Mapping[str, Any]], T],
+    make: Callable[[], T],
+    arrays: Callable[[T], dict[str, npt.NDArray[Any]]],
+) -> T:
+    found = _read(name, taken)
+    if found is None:
+        found = make()
+        _write(name, arrays(found))
+    return found
 
 
 def _read(key: str, taken: Callable[[Mapping[str, Any]], T]) -> T | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -56,6 +56,15 @@ class Model:
     def normals(self) -> FloatArray:
         """Angle-weighted unit normals of the vertices (V, 3)."""
         return self.surface.vertex_normals
+
+    @cached_property
+    def curvatures(self) -> FloatArray:
+        """Largest and smallest curvature (V, 2) in 1/mm, see :meth:`Surface.principal_curvatures`; kept on disk, too.
+
+        For those who choose points or judge a model: the solvers take the surface itself, not its curvature.
+        """
+        make = self.surface.principal_curvatures
+        return cache.kept_array(f"{self.key}-curvatures", make) if self.key else make()
 
     @property
     def closed(self) -> bool:

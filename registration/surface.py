@@ -171,6 +171,19 @@ class Surface:
         unit: FloatArray = total / np.maximum(np.linalg.norm(total, axis=1), np.finfo(np.float64).tiny)[:, None]
         return unit[edge].reshape(-1, 3, 3)
 
+    def principal_curvatures(self) -> FloatArray:
+        """Largest and smallest curvature (V, 2) in 1/mm at each vertex, positive where the surface bulges outward.
+
+        From quadrics fitted to the neighbourhoods of five rings (libigl; Panozzo, Puppo, Rocca 2010). NaN at vertices
+        whose surroundings fix no quadric.
+        """
+        import igl
+
+        _, _, largest, smallest, failed = igl.principal_curvature(self.vertices, self.faces)
+        found = np.stack([largest, smallest], axis=1)
+        found[np.asarray(failed, dtype=np.int64)] = np.nan
+        return np.asarray(found, dtype=np.float64)
+
     def _pseudonormals(self, faces: IntArray, foot: FloatArray) -> FloatArray:
         corners = self.vertices[self.faces[faces]]
         normals = self.face_normals[faces].copy()
