@@ -17,7 +17,7 @@ from registration.exclusion import outside_regions
 from registration.finish import exact_finish
 from registration.model import Model
 from registration.rigid import transform
-from registration.robust import register_robust
+from registration.robust import register_beside
 from registration.scan import Scan
 
 DARK = 0.75
@@ -62,7 +62,7 @@ def without_dark_points(scan: Scan, model: Model, solution: Solution, regions: F
     if bright.all() or bright[solution.inliers].mean() < ENOUGH:
         return solution
     known = scan.covariance is not None
-    again = register_robust(scan.part(bright), model, solution.model_from_scanner, None, regions)
+    again = register_beside(scan.part(bright), model, solution.model_from_scanner, regions)
     pose = again.model_from_scanner
     allowed = bright & outside_regions(transform(pose, scan.points), regions)
     voters = np.where(np.append(bright, False)[solution.around], solution.around, len(scan))
@@ -70,7 +70,7 @@ def without_dark_points(scan: Scan, model: Model, solution: Solution, regions: F
     return replace(
         solution,
         model_from_scanner=final.model_from_scanner,
-        closest=final.met,
+        closest=final.closest(scan, model.surface),
         inliers=final.inliers,
         history=[*solution.history, *again.history, *final.history],
         noise=final.noise,

@@ -58,10 +58,8 @@ class Final:
     ----------
     model_from_scanner : (4, 4) array
     met : Closest
-        Where the beams meet the model; signed distances are those of the points from the tangent planes there. Points
-        whose beams miss the model stand with their closest points.
-    bone : (N,) array
-        Probability of each point to be bone.
+        Where the beams meet the model; signed distances are those of the points from the tangent planes there. Beams
+        that miss it have face -1, see :meth:`closest`.
     inliers : (N,) array of bool
     noise : NoiseModel
         Given, or as the residuals show it.
@@ -73,11 +71,24 @@ class Final:
 
     model_from_scanner: FloatArray
     met: Closest
-    bone: FloatArray
     inliers: BoolArray
     noise: NoiseModel
     history: list[Iteration]
     log_likelihood: float
+
+    def closest(self, scan: Scan, surface: Surface) -> Closest:
+        """Where the beams meet the model, and the closest points of those that miss it.
+
+        A beam that passes by the model ended outside it, whatever the sign of the distance to an open model's border.
+        """
+        met = self.met
+        beside = np.flatnonzero(met.faces < 0)
+        if len(beside):
+            near = surface.closest(transform(self.model_from_scanner, scan.points[beside]))
+            outwards = np.where(near.signed_mm < 0.0, -1.0, 1.0)
+            met.points[beside], met.normals[beside] = near.points, near.normals * outwards[:, None]
+            met.signed_mm[beside], met.faces[beside] = near.signed_mm * outwards, near.faces
+        return met
 
 
 def exact_finish(
@@ -117,8 +128,7 @@ def exact_finish(
             sigma = noise.plane_sigma(scan, solution[:3, :3], tangent.normals)
             bone, inliers = tangent.bone(residual, sigma, around)
             if inliers.sum() < 6:
-                met = tangent.met(scan, surface, solution, residual)
-                return Final(solution, met, bone, inliers, noise, history, -np.inf)
+                return Final(solution, tangent.met(residual), inliers, noise, history, -np.inf)
             if not noise_known:
                 along = (residual * tangent.stretch)[inliers & (tangent.cosine > 0.5)]
                 noise = replace(noise, range_mm=estimated_range_noise(along, noise.range_mm))
@@ -134,9 +144,9 @@ def exact_finish(
         tangent = _Tangent.at(scan, surface, solution, allowed)
     residual = tangent.residual(x)
     sigma = noise.plane_sigma(scan, solution[:3, :3], tangent.normals)
-    bone, inliers = tangent.bone(residual, sigma, around)
+    _, inliers = tangent.bone(residual, sigma, around)
     likelihood = tangent.likelihood(residual, sigma, around)
-    return Final(solution, tangent.met(scan, surface, solution, residual), bone, inliers, noise, history, likelihood)
+    return Final(solution, tangent.met(residual), inliers, noise, history, likelihood)
 
 
 @dataclass(frozen=True)
@@ -202,17 +212,6 @@ class _Tangent:
         normal = weighted_squares(self.rows, weight) + np.diag(RIDGE)
         return np.asarray(-np.linalg.solve(normal, self.rows.T @ (weight * self.signed_mm)))
 
-    def met(self, scan: Scan, surface: Surface, solution: FloatArray, residual: FloatArray) -> Closest:
-        """Where the beams meet the model, with residuals (N,) of the end; closest points where they do not.
-
-        A beam that passes by the model ended outside it, whatever the sign of the distance to an open model's border.
-        The arrays are this plane's own, which is of no use afterwards: a million points leave no room for two.
-        """
-        found = Closest(self.hits, self.normals, residual, self.faces)
-        beside = np.flatnonzero(self.faces < 0)
-        if len(beside):
-            closest = surface.closest(transform(solution, scan.points[beside]))
-            outwards = np.where(closest.signed_mm < 0.0, -1.0, 1.0)
-            found.points[beside], found.normals[beside] = closest.points, closest.normals * outwards[:, None]
-            found.signed_mm[beside], found.faces[beside] = closest.signed_mm * outwards, closest.faces
-        return found
+    def met(self, residual: FloatArray) -> Closest:
+        """Where the beams meet the model, with residuals (N,); made of this plane's own arrays."""
+        return Closest(self.hits, self.normals, residual, self.faces)

@@ -14,7 +14,7 @@ from registration.assess import Solution
 from registration.cone import ANYWHERE, Cone
 from registration.exclusion import outside_regions
 from registration.finish import Final, exact_finish
-from registration.minima import SAME_DEG, SAME_MM, difference
+from registration.minima import SAME_DEG, SAME_MM, Candidate, difference
 from registration.model import Model
 from registration.noise import TYPICAL_RANGE_MM, NoiseModel
 from registration.result import Rival
@@ -49,13 +49,30 @@ def register_robust(
     sigma = initial_noise(scan, noise_mm)
     cone = start if isinstance(start, Cone) else ANYWHERE
     search = Search(scan, model, sigma, cone)
-    candidates = search.about(start) if isinstance(start, np.ndarray) else search.from_anywhere()
     known = noise_mm is not None or scan.covariance is not None
+    if isinstance(start, np.ndarray):
+        return _finished(search, search.about(start), regions, noise_known=known, sure=True)
+    candidates = search.from_anywhere()
+    return _finished(search, candidates, regions, noise_known=known, sure=search.sure(candidates))
+
+
+def register_beside(scan: Scan, model: Model, solved: FloatArray, regions: FloatArray) -> Solution:
+    """Register a scan beside a pose (4, 4) that was found with other points of it; regions as above."""
+    search = Search(scan, model, initial_noise(scan, None))
+    known = scan.covariance is not None
+    return _finished(search, search.beside(solved), regions, noise_known=known, sure=True)
+
+
+def _finished(
+    search: Search, candidates: list[Candidate], regions: FloatArray, *, noise_known: bool, sure: bool
+) -> Solution:
+    """Finish the likeliest candidates on all points, and take the best."""
+    scan = search.scan
 
     def finished(start: FloatArray, points: Scan) -> Final:
         allowed = outside_regions(transform(start, points.points), regions)
-        noise = NoiseModel(sigma)
-        return exact_finish(points, model.surface, start, noise, points.around, allowed, noise_known=known)
+        noise = NoiseModel(search.sigma_mm)
+        return exact_finish(points, search.model.surface, start, noise, points.around, allowed, noise_known=noise_known)
 
     least = candidates[0].log_likelihood - WITHIN / len(search.thin)
     starts = [c.model_from_scanner for c in candidates[:FINISHED] if c.log_likelihood >= least]
@@ -69,7 +86,7 @@ def register_robust(
     best = final.model_from_scanner
     return Solution(
         model_from_scanner=final.model_from_scanner,
-        closest=final.met,
+        closest=final.closest(scan, search.model.surface),
         inliers=final.inliers,
         history=final.history,
         rivals=rivals_of(best, ends, search.middle),
@@ -77,7 +94,7 @@ def register_robust(
         around=scan.around,
         cost=-final.log_likelihood,
         method="robust",
-        sure=isinstance(start, np.ndarray) or search.sure(candidates),
+        sure=sure,
     )
 
 

@@ -160,17 +160,21 @@ class Search:
 
     def _near(self, found: list[Candidate], draw: int) -> list[Candidate]:
         """Minima about the best one: a narrow look where it is clear, a wide one where others are nearly as good."""
-        best = found[0]
-        width_deg, starts = CLEAR_LOOK if self._margin(found) > CLEAR else UNCLEAR_LOOK
-        view = best.view
-        centre = self.centres[[v is view for v in self.model.views].index(True)][0]
-        rotations = rotations_near(best.model_from_scanner[:3, :3], width_deg, starts, draw * starts)
-        shift = transform(best.model_from_scanner, centre[None])[0] - view.centre
+        look = CLEAR_LOOK if self._margin(found) > CLEAR else UNCLEAR_LOOK
+        return [replace(c, hits=0) for c in self._looked(found[0].model_from_scanner, found[0].view, look, draw)]
+
+    def beside(self, solved: FloatArray) -> list[Candidate]:
+        """Distinct minima beside a pose (4, 4) that other points led to, best first."""
+        return self._looked(solved, self._view_at(solved), CLEAR_LOOK, 0)
+
+    def _looked(self, about: FloatArray, view: View, look: tuple[float, int], draw: int) -> list[Candidate]:
+        half_angle_deg, starts = look
+        rotations = rotations_near(about[:3, :3], half_angle_deg, starts, draw * starts)
+        centre = transform(inverse(about), view.centre[None])[0]
         order = shuffle(len(self.scan), draw)
         if view.is_socket:
             order = telling_order(self.scan.points, centre, view.radius_mm, draw)
-        near = self._finishers(view, centre, order, rotations, np.tile(shift, (starts, 1)), NEAR_HEATS)
-        return [replace(c, hits=0) for c in near]
+        return self._finishers(view, centre, order, rotations, np.zeros((starts, 3)), NEAR_HEATS)
 
     def about(self, start: FloatArray) -> list[Candidate]:
         """Distinct minima within `START_CONE_DEG` of a start pose (4, 4), best first."""

@@ -55,7 +55,7 @@ MIN_SHARE = 0.25
 INSIDE_CAUTION, INSIDE_FAIL = 0.005, 0.03
 """Shares of points inside bone."""
 
-MISFIT_CAUTION, MISFIT_FAIL = 0.2, 0.5
+MISFIT_CAUTION, MISFIT_FAIL = 0.15, 0.5
 """Departures of the model in patches, as shares of the tolerance at the targets."""
 
 
