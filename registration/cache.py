@@ -1,9 +1,10 @@
 """Prepared models on disk, by digest of their content: safe to delete at any time.
 
-One file a model, ``registration-v<version>-<digest>.npz``, with the mesh and the fields of its likeliest view, and one
-for the fields of any other view that was ever needed, in the folder named by the environment variable
-``PICORADAR_CACHE``, else in the user's cache folder of the platform. A file is written under another name and then
-renamed, so that readers never see half of it; one that cannot be read is made anew.
+In the folder named by the environment variable ``PICORADAR_CACHE``, else in the user's cache folder of the platform, lie
+``registration-v<version>-<digest>.npz`` for each model, with the mesh and the fields of its likeliest view; one file more
+for the fields of any other view that was ever needed; and a small one for each mesh file that was read, with the digest
+of the mesh in it. A file is written under another name and then renamed, so that readers never see half of it; one that
+cannot be read is made anew.
 """
 
 from __future__ import annotations
@@ -72,6 +73,23 @@ def digest(vertices: npt.NDArray[Any], faces: npt.NDArray[Any]) -> str:
 def load(key: str) -> Prepared | None:
     """Read a prepared model; None when it is not there or cannot be read."""
     return _read(key, _prepared)
+
+
+def key_of_file(path: Path) -> str:
+    """Digest of a mesh file as it stands on the disk."""
+    content = hashlib.sha256(path.suffix.lower().encode())
+    content.update(path.read_bytes())
+    return f"file-{content.hexdigest()}"
+
+
+def load_key(file_key: str) -> str | None:
+    """Key of the mesh that such a file held when it was last read; None when that is not known."""
+    return _read(file_key, lambda stored: str(stored["mesh"]))
+
+
+def store_key(file_key: str, key: str) -> None:
+    """Remember which mesh a file holds, so that it need not be parsed again."""
+    _write(file_key, {"mesh": np.array(key)})
 
 
 def kept_fields(name: str, make: Callable[[], Fields]) -> Fields:

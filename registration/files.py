@@ -8,15 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from registration import cache
 from registration._types import FloatArray, IntArray
 from registration.errors import MeshError
-from registration.model import Model, prepare_model
+from registration.model import Model, kept_model, prepare_model
 
 SUFFIXES = (".stl", ".ply", ".obj", ".glb", ".vtp")
 
 
 def load_model(path: str | os.PathLike[str]) -> Model:
-    """Read and prepare a model.
+    """Read and prepare a model; a file that was read before is known by its content and need not be parsed again.
 
     Parameters
     ----------
@@ -33,11 +34,20 @@ def load_model(path: str | os.PathLike[str]) -> Model:
         raise MeshError(f"{file}: a model is one of {' '.join(SUFFIXES)}, not '{file.suffix}'")
     if not file.is_file():
         raise MeshError(f"{file}: there is no such file; give the path of a mesh file")
+    try:
+        file_key = cache.key_of_file(file)
+    except OSError as error:
+        raise MeshError(f"{file}: cannot be read ({error}); check the path and your rights to it") from error
+    key = cache.load_key(file_key)
+    if key is not None and (kept := kept_model(key, file.name)) is not None:
+        return kept
     vertices, faces = _read_vtp(file) if file.suffix.lower() == ".vtp" else _read_with_trimesh(file)
     try:
-        return prepare_model(vertices, faces, name=file.name)
+        model = prepare_model(vertices, faces, name=file.name)
     except MeshError as error:
         raise MeshError(f"{file}: {error}") from error
+    cache.store_key(file_key, model.key)
+    return model
 
 
 def _read_with_trimesh(file: Path) -> tuple[FloatArray, IntArray]:

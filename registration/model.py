@@ -127,17 +127,26 @@ def prepare_model(vertices: npt.ArrayLike, faces: npt.ArrayLike, *, name: str = 
     """
     given_vertices, given_faces = np.asarray(vertices), np.asarray(faces)
     key = cache.digest(given_vertices, given_faces)
+    if (kept := kept_model(key, name)) is not None:
+        return kept
+    v, f, report = validated(given_vertices, given_faces)
+    surface = Surface(v, f)
+    likeliest, *others = find_views(surface)
+    cache.store(key, cache.Prepared(v, f, report, tuple(map(_place, (likeliest, *others))), likeliest.fields))
+    return _model(surface, report, likeliest, others, name, key)
+
+
+def kept_model(key: str, name: str) -> Model | None:
+    """Prepared model of a mesh with this digest, from the disk; None when it is not there."""
     prepared = cache.load(key)
     if prepared is None:
-        v, f, report = validated(given_vertices, given_faces)
-        surface = Surface(v, f)
-        likeliest, *others = find_views(surface)
-        cache.store(key, cache.Prepared(v, f, report, tuple(map(_place, (likeliest, *others))), likeliest.fields))
-    else:
-        surface, report = Surface(prepared.vertices, prepared.faces), prepared.report
-        likeliest, *others = (view_at(surface, *place) for place in prepared.places)
-        fields = prepared.fields
-        likeliest = replace(likeliest, make=lambda: fields)
+        return None
+    surface, fields = Surface(prepared.vertices, prepared.faces), prepared.fields
+    likeliest, *others = (view_at(surface, *place) for place in prepared.places)
+    return _model(surface, prepared.report, replace(likeliest, make=lambda: fields), others, name, key)
+
+
+def _model(surface: Surface, report: MeshReport, likeliest: View, others: list[View], name: str, key: str) -> Model:
     views = (likeliest, *(_kept(view, key, str(index)) for index, view in enumerate(others, start=1)))
     return Model(surface=surface, report=report, views=views, name=name, key=key)
 

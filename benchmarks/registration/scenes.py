@@ -218,9 +218,14 @@ def load_real(path):
 
     m = trimesh.load(path, process=True)
     m = max(m.split(only_watertight=False), key=lambda x: len(x.faces))
-    V, F = orient_outward(np.array(m.vertices, float), np.array(m.faces, np.int64))
-    if (V.max(0) - V.min(0)).max() < 1.0:
-        V = V * 1000
+    V, F = np.array(m.vertices, float), np.array(m.faces, np.int64)
+    return socket_frame(V * 1000 if (V.max(0) - V.min(0)).max() < 1.0 else V, F)
+
+
+def socket_frame(V, F):
+    """A closed bone in mm, moved so that the centre of the sphere that its socket is most like is the origin and it
+    opens towards +z. Returns V, F, radius."""
+    V, F = orient_outward(V, F)
     N = np.zeros_like(V)
     fn = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]])
     for k in range(3):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 import registration
 from registration.views import Place
@@ -97,6 +98,31 @@ def test_a_further_socket_is_prepared_when_it_is_asked_for(small: registration.M
     np.testing.assert_array_equal(again.views[1].fine.nodes, fine.nodes)
     np.testing.assert_array_equal(again.views[1].centre, model.views[1].centre)
     assert files(folder) == kept
+
+
+def test_a_mesh_file_is_parsed_once(
+    small: registration.Model, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "bowl.stl"
+    mesh = trimesh.Trimesh(small.vertices, small.faces)
+    file.write_bytes(trimesh.exchange.stl.export_stl(mesh))
+    first = registration.load_model(file)
+    copy = tmp_path / "the same under another name.stl"
+    copy.write_bytes(file.read_bytes())
+    with monkeypatch.context() as patch:
+        patch.setattr(trimesh, "load", lambda *_, **__: pytest.fail("it was parsed before"))
+        again = registration.load_model(copy)
+    assert again.name == copy.name
+    np.testing.assert_array_equal(again.vertices, first.vertices)
+    np.testing.assert_array_equal(again.views[0].fine.nodes, first.views[0].fine.nodes)
+    mesh.apply_translation([1.0, 0.0, 0.0])
+    file.write_bytes(trimesh.exchange.stl.export_stl(mesh))
+    moved = registration.load_model(file)
+    np.testing.assert_allclose(moved.centre, first.centre + [1.0, 0.0, 0.0], atol=1e-5)
+    for path in files(folder):
+        if path.stat().st_size > 10_000:
+            path.unlink()
+    np.testing.assert_array_equal(registration.load_model(copy).vertices, first.vertices)
 
 
 def test_a_full_disk_leaves_no_half_written_file(
