@@ -1,10 +1,10 @@
 """Prepared models on disk, by digest of their content: safe to delete at any time.
 
-In the folder named by the environment variable ``PICORADAR_CACHE``, else in the user's cache folder of the platform, lie
-``registration-v<version>-<digest>.npz`` for each model, with the mesh and the fields of its likeliest view; one file more
-for the fields of any other view that was ever needed; and a small one for each mesh file that was read, with the digest
-of the mesh in it. A file is written under another name and then renamed, so that readers never see half of it; one that
-cannot be read is made anew.
+In the folder named by the environment variable ``PICORADAR_CACHE``, else in the user's cache folder of the platform,
+lies ``registration-v<version>-<digest>.npz`` for each model, with the mesh and the fields of its likeliest view; one
+more for the fields of any other view that was ever needed; and a small one for each mesh file that was read, with the
+digest of the mesh in it. A file is written under another name and then renamed, so that readers never see half of it;
+one that cannot be read is made anew.
 """
 
 from __future__ import annotations

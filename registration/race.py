@@ -6,7 +6,7 @@ take their Gauss-Newton steps together. Deterministic: no random number and no t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,6 +57,14 @@ HEATS = (
     Heat(800, True, 6, 12, 0.12, (0.7, 0.7, 0.7, 0.7), 25.0),
 )
 """Margins: on simulated scans the start that wins is never more than 0.42, 0.14 and 0.05 behind as a heat begins."""
+
+PATIENT_HEATS = (
+    HEATS[0],
+    replace(HEATS[1], most=256, within=np.inf),
+    replace(HEATS[2], most=96, within=np.inf),
+    replace(HEATS[3], most=36, within=np.inf),
+)
+"""Heats for scans that stay unclear: under much tissue the right start can fall far behind before it wins."""
 
 RANKED_INSIDE = 5.0
 """Largest loss inside bone where poses are ranked."""

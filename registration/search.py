@@ -16,7 +16,7 @@ from registration.minima import SURE_HITS, Candidate, merged
 from registration.model import Model
 from registration.noise import TYPICAL_RANGE_MM
 from registration.polish import polish
-from registration.race import HEATS, NEAR_HEATS, Cloud, Heat, distinct, race, shuffle, telling_order
+from registration.race import HEATS, NEAR_HEATS, PATIENT_HEATS, Cloud, Heat, distinct, race, shuffle, telling_order
 from registration.rigid import inverse, pose, transform
 from registration.scan import Scan
 from registration.seeds import rotations_near
@@ -28,6 +28,9 @@ STARTS = 256
 
 MAX_RACES = 4
 """Races run at most while the best minimum is not sure."""
+
+PATIENT_DRAW = 2
+"""Races from this one on leave more starts in: two have not made the best minimum sure."""
 
 WHOLE_RACES = 3
 """Races run at least on a whole model: manufactured bodies are symmetric, and their rivals should be seen."""
@@ -205,7 +208,8 @@ class Search:
             return self._finishers(view, centres[0], shuffle(len(self.scan), draw), rotations, shifts)
         shifts = _shifts(rotations, np.array(centres))
         order = telling_order(self.scan.points, centres[0], view.radius_mm, draw)
-        return self._finishers(view, centres[0], order, rotations, shifts)
+        heats = HEATS if draw < PATIENT_DRAW else PATIENT_HEATS
+        return self._finishers(view, centres[0], order, rotations, shifts, heats)
 
     def _finishers(
         self,
