@@ -20,10 +20,11 @@ def blocks(name: str, language: str) -> list[str]:
 
 
 def commands(name: str) -> list[list[str]]:
-    """Lines of the shell blocks that call the command, in order, without comments."""
+    """Lines of the shell blocks that call the command, or write a file by echo, in order, without comments."""
     lines = [line for block in blocks(name, "sh") for line in block.splitlines()]
-    parts = [shlex.split(line, comments=True) for line in lines if line.startswith(("picoradar ", "./run "))]
-    return [p[1:] for p in parts if p[1:] not in (["demo"], ["test"], ["check"])]
+    parts = [shlex.split(line, comments=True) for line in lines if line.startswith(("picoradar ", "./run ", "echo "))]
+    called = [p if p[0] == "echo" else p[1:] for p in parts]
+    return [p for p in called if p not in (["demo"], ["test"], ["check"])]
 
 
 def test_the_commands_shown_work_one_after_the_other(
@@ -32,7 +33,10 @@ def test_the_commands_shown_work_one_after_the_other(
     monkeypatch.chdir(tmp_path)
     done: list[list[str]] = []
     for arguments in commands("README.md") + commands("docs/guide.md"):
-        if arguments not in done:  # the guide begins with the README's demo
+        if arguments[0] == "echo":
+            _, text, _, file = arguments
+            Path(file).write_text(text, encoding="utf-8")
+        elif arguments not in done:  # the guide begins with the README's demo
             assert run(arguments) == 0, f"{arguments}: {capsys.readouterr().err}"
             done.append(arguments)
     assert len(done) >= 8
