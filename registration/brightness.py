@@ -74,4 +74,5 @@ def without_dark_points(scan: Scan, model: Model, solution: Solution, regions: F
         inliers=final.inliers,
         history=[*solution.history, *again.history, *final.history],
         noise=final.noise,
+        beside=again.beside,
     )

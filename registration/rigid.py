@@ -33,9 +33,18 @@ def rotation_from_vector(rotation_rad: FloatArray) -> FloatArray:
 
 def vector_from_rotation(rotation: FloatArray) -> FloatArray:
     """Logarithm of one rotation matrix (3, 3): the rotation vector (3,) in rad, of length 0 to pi."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_matrix(rotation).as_rotvec(), dtype=np.float64)
+    axial = np.array(
+        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
+    )
+    sine, cosine = float(np.linalg.norm(axial)) / 2.0, (float(np.trace(rotation)) - 1.0) / 2.0
+    angle = float(np.arctan2(sine, cosine))
+    if cosine > -0.99:
+        return np.asarray(axial / 2.0 * (angle / sine if sine > 1e-9 else 1.0), dtype=np.float64)
+    # Near half a turn the axial part vanishes; the symmetric one, (1 - cos) a a^T + cos, tells the axis but for a sign.
+    squares = (rotation + rotation.T) / 2.0 - cosine * np.eye(3)
+    axis = squares[:, int(np.argmax(np.diag(squares)))]
+    axis = axis / np.linalg.norm(axis)
+    return np.asarray(np.copysign(angle, axis @ axial) * axis, dtype=np.float64)
 
 
 def pose(rotation: FloatArray, translation_mm: FloatArray) -> FloatArray:

@@ -22,6 +22,7 @@ from registration.rigid import transform
 from registration.scan import Scan
 from registration.search import Search
 from registration.tissue import raster_noise
+from registration.valley import ends_beside, walked
 
 FINISHED, WITHIN = 3, 60.0
 """So many candidates are finished, if their log likelihoods are within this of the best; the likeliest is taken."""
@@ -79,8 +80,9 @@ def _finished(
     if search.thin is not scan:
         starts = [finished(s, search.thin).model_from_scanner for s in starts]
     finals = [finished(s, scan) for s in starts]
-    final = max(finals, key=lambda f: f.log_likelihood)
-    ends = [(f.model_from_scanner, f.log_likelihood) for f in finals]
+    walk = walked(max(finals, key=lambda f: f.log_likelihood), scan, lambda pose: finished(pose, scan))
+    final = max(walk, key=lambda f: f.log_likelihood)
+    ends = [(f.model_from_scanner, f.log_likelihood) for f in (*finals, *walk[1:])]
     offset = finals[0].log_likelihood - candidates[0].log_likelihood
     ends += [(c.model_from_scanner, c.log_likelihood + offset) for c in candidates[len(finals) :]]
     best = final.model_from_scanner
@@ -95,6 +97,7 @@ def _finished(
         cost=-final.log_likelihood,
         method="robust",
         sure=sure,
+        beside=ends_beside(final, walk, len(scan)),
     )
 
 

@@ -1,0 +1,80 @@
+"""Weakly held rotations: the finish begins again from both sides, and what it finds there counts as uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import registration
+from registration.finish import Final, exact_finish
+from registration.noise import NoiseModel
+from registration.rigid import inverse, pose, rotation_angle_deg, rotation_from_vector
+from registration.scan import Scan, checked_scan
+from registration.valley import End, dispersion, ends_beside, walked
+
+
+def finisher(scan: Scan, model: registration.Model) -> Callable[[np.ndarray], Final]:
+    everywhere = np.ones(len(scan), dtype=np.bool_)
+    return lambda start: exact_finish(scan, model.surface, start, NoiseModel(0.35), scan.around, everywhere)
+
+
+def part_of(scan: Any, radius_mm: float) -> np.ndarray:
+    """Points about the middle of the socket alone, where it is a sphere but for its fossa."""
+    aside = np.linalg.norm(scan.points[:, :2] - scan.points[:, :2].mean(axis=0), axis=1)
+    return np.asarray(aside < radius_mm)
+
+
+def test_a_rotation_that_is_held_well_is_left_alone(socket: registration.Model, scan_of: Callable[..., Any]) -> None:
+    scan = checked_scan(scan_of(socket, 0).points)
+    finished = finisher(scan, socket)
+    final = finished(scan_of(socket, 0).truth)
+    assert walked(final, scan, finished) == [final]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_weak_one_is_finished_from_both_sides(
+    socket: registration.Model, scan_of: Callable[..., Any], seed: int
+) -> None:
+    seen = scan_of(socket, 60 + seed)
+    scan = checked_scan(seen.points[part_of(seen, 11.0)])
+    finished = finisher(scan, socket)
+    begun: list[np.ndarray] = []
+    final = finished(seen.truth)
+    ends = walked(final, scan, lambda start: begun.append(start) or finished(start))
+    assert ends[0] is final
+    assert len(ends) == 3
+    first, second = (start @ inverse(final.model_from_scanner) for start in begun)
+    assert 0.5 < rotation_angle_deg(first[:3, :3]) < 12.0, "two standard deviations of a weak rotation"
+    np.testing.assert_allclose(first[:3, :3] @ second[:3, :3], np.eye(3), atol=1e-9, err_msg="to either side")
+    found = registration.register(scan.points, socket, start=seen.truth)
+    best = max(ends, key=lambda end: end.log_likelihood)
+    assert -found.cost >= best.log_likelihood - 2.0 / len(scan), "the likeliest end is what is returned"
+
+
+def test_ends_beside_spread_the_covariance() -> None:
+    best = pose(rotation_from_vector(np.array([0.2, 0.1, -0.4])), np.array([10.0, -5.0, 900.0]))
+    centre = np.array([3.0, 2.0, 1.0])
+    turn, shift = np.array([0.02, 0.0, -0.01]), np.array([0.1, -0.3, 0.2])
+
+    def end(sign: float, weight: float) -> End:
+        rotation = rotation_from_vector(sign * turn)
+        return End(pose(rotation, centre + sign * shift - rotation @ centre) @ best, weight)
+
+    assert not dispersion(best, [], centre).any()
+    motion = np.concatenate([turn, shift])
+    found = dispersion(best, [end(1.0, 1.0), end(-1.0, 1.0)], centre)
+    np.testing.assert_allclose(found, 2.0 / 3.0 * np.outer(motion, motion), atol=1e-12)
+    np.testing.assert_allclose(dispersion(best, [end(1.0, 1e-9)], centre), 0.0, atol=1e-9)
+
+
+def test_ends_are_weighted_by_their_likelihood(socket: registration.Model, scan_of: Callable[..., Any]) -> None:
+    scan = checked_scan(scan_of(socket, 0, n=20).points)
+    best = finisher(scan, socket)(scan_of(socket, 0, n=20).truth)
+    worse = replace(best, log_likelihood=best.log_likelihood - 5.0 / len(scan))
+    impossible = replace(best, log_likelihood=-np.inf)
+    weights = [end.weight for end in ends_beside(best, [worse, best, impossible], len(scan))]
+    np.testing.assert_allclose(weights, [np.exp(-1.0), 0.0])
