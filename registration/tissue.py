@@ -37,12 +37,12 @@ def raster_noise(scan: Scan) -> float:
     The lower quartile of the departures counts, since tissue edges and rims depart for other reasons.
     """
     ranges, around = scan.ranges, scan.around
-    count = (around < len(scan)).sum(axis=1)
+    count = neighbour_sum(np.ones(len(scan)), around)
     full = count >= 6
     if full.sum() < 20:
         return float("nan")
-    mean = np.append(ranges, 0.0)[around[full]].sum(axis=1) / count[full]
-    departure = np.abs(ranges[full] - mean) / np.sqrt(1.0 + 1.0 / count[full])
+    beside = neighbour_sum(ranges - ranges.mean(), around)[full] / count[full]
+    departure = np.abs((ranges - ranges.mean())[full] - beside) / np.sqrt(1.0 + 1.0 / count[full])
     return float(np.quantile(departure, 0.25) / 0.31864)
 
 
