@@ -30,6 +30,9 @@ ENOUGH = 0.5
 """Were fewer of the inliers bright than this, the amplitudes would be no measure of the material: all stay."""
 
 
+LOOKED = 3000
+"""Points that the look beside the pose is taken with; all take part in the last finish."""
+
 LEAST_SHARE = 0.25
 """With fewer points on the model the registration fails anyway, and its inliers are no measure of bone."""
 
@@ -58,15 +61,16 @@ def without_dark_points(scan: Scan, model: Model, solution: Solution, regions: F
     """
     if scan.response_mv is None or solution.inliers.mean() < LEAST_SHARE:
         return solution
+    if np.median(scan.response_mv[solution.inliers]) <= 0.0:
+        return solution  # no amplitudes at all
     bright: BoolArray = relative_brightness(scan, scan.response_mv, solution) > DARK
     if bright.all() or bright[solution.inliers].mean() < ENOUGH:
         return solution
-    known = scan.covariance is not None
-    again = register_beside(scan.part(bright), model, solution.model_from_scanner, regions)
+    again = register_beside(scan.thinned(LOOKED, bright), model, solution.model_from_scanner, regions)
     pose = again.model_from_scanner
     allowed = bright & outside_regions(transform(pose, scan.points), regions)
     voters = np.where(np.append(bright, False)[solution.around], solution.around, len(scan))
-    final = exact_finish(scan, model.surface, pose, again.noise, voters, allowed, noise_known=known)
+    final = exact_finish(scan, model.surface, pose, again.noise, voters, allowed, noise_known=scan.noise_known)
     return replace(
         solution,
         model_from_scanner=final.model_from_scanner,

@@ -10,10 +10,13 @@ one that cannot be read is made anew.
 from __future__ import annotations
 
 import hashlib
+import io
 import json
+import math
 import os
 import sys
 import tempfile
+import tokenize
 import warnings
 import zipfile
 from collections.abc import Callable, Mapping
@@ -30,12 +33,26 @@ from registration.mesh import MeshReport
 from registration.views import Fields
 
 VERSION = 5
-"""Raised whenever preparation or the file's layout changes."""
+"""Raised whenever the reading of mesh files, their preparation or the layout here changes."""
 
 HollowPlace = tuple[FloatArray, float, FloatArray, bool]
 """Centre (3,) mm, radius (mm), axis (3,) of a view, and whether it is the whole model."""
 
 T = TypeVar("T")
+
+DAMAGED = (
+    zipfile.BadZipFile,
+    EOFError,
+    ValueError,
+    KeyError,
+    IndexError,
+    TypeError,
+    RuntimeError,
+    MemoryError,
+    SyntaxError,
+    tokenize.TokenError,
+)
+"""What NumPy and zipfile raise on files with a wrong byte here or there."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +64,10 @@ class Prepared:
     report: MeshReport
     places: tuple[HollowPlace, ...]
     fields: Fields
+
+    def likeliest(self) -> Fields:
+        """Fields of the first view, for :class:`registration.views.View` to fetch."""
+        return self.fields
 
 
 def folder() -> Path:
@@ -117,16 +138,27 @@ def _kept(
 
 def _read(key: str, taken: Callable[[Mapping[str, Any]], T]) -> T | None:
     try:
-        with _path(key).open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            return taken(stored)
-    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
+        with zipfile.ZipFile(_path(key)) as stored:
+            return taken({Path(name).stem: _array(stored.read(name)) for name in stored.namelist()})
+    except (*DAMAGED, OSError):
         return None  # absent, or a damaged or foreign file: the caller prepares anew and replaces it
 
 
+def _array(member: bytes) -> npt.NDArray[Any]:
+    """The array in a member of the file: read whole, so that its check sum was compared, the header included."""
+    opened = io.BytesIO(member)
+    if np.lib.format.read_magic(opened) != (1, 0):
+        raise ValueError("another version of the format")
+    shape, fortran_order, dtype = np.lib.format.read_array_header_1_0(opened)
+    if fortran_order or dtype.hasobject:
+        raise ValueError("an array that is not laid out as written here")
+    return np.frombuffer(member, dtype, math.prod(shape), opened.tell()).reshape(shape)
+
+
 def _prepared(stored: Mapping[str, Any]) -> Prepared:
-    report = _report(json.loads(str(stored["report"])))
-    places = tuple((row[:3], float(row[3]), row[4:7], bool(row[7])) for row in stored["places"])
-    return Prepared(stored["vertices"], stored["faces"], report, places, _fields(stored))
+    vertices, faces, rows = stored["vertices"], stored["faces"], stored["places"]
+    places = tuple((row[:3], float(row[3]), row[4:7], bool(row[7])) for row in rows)
+    return Prepared(vertices, faces, _report(json.loads(str(stored["report"]))), places, _fields(stored))
 
 
 def store(key: str, prepared: Prepared) -> None:

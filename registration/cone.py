@@ -13,43 +13,51 @@ from registration.errors import StartError
 from registration.seeds import rotations_in_cone
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Cone:
     """Directions of the model frame, from the model towards the scanner; any roll about them is allowed.
 
     Attributes
     ----------
     towards : (3,) array
-        Unit vector of the axis.
+        The axis, of any length; kept as a unit vector.
     half_angle_deg : float
         Over 0, at most 180.
+
+    Raises
+    ------
+    StartError
+        For an axis that is no direction, or another half angle.
     """
 
     towards: FloatArray
     half_angle_deg: float
 
-    @classmethod
-    def from_mapping(cls, given: Mapping[str, Any]) -> Cone:
-        """Make a cone of ``{"towards": [x, y, z], "half_angle_deg": a}``.
-
-        Raises
-        ------
-        StartError
-            If a key is missing or a value is no direction or no angle.
-        """
+    def __post_init__(self) -> None:
         try:
-            towards = np.asarray(given["towards"], dtype=np.float64).reshape(3)
-            half = float(given["half_angle_deg"])
-        except (KeyError, TypeError, ValueError) as error:
+            towards = np.asarray(self.towards, dtype=np.float64).reshape(3)
+            half = float(self.half_angle_deg)
+        except (TypeError, ValueError) as error:
             raise StartError(
-                f'a cone of directions is {{"towards": [x, y, z], "half_angle_deg": a}}, model frame ({error})'
+                f"a cone has three numbers towards the scanner and a half angle in deg ({error})"
             ) from error
         length = float(np.linalg.norm(towards))
         if not (np.isfinite(length) and length > 0.0):
             raise StartError(f"the cone's axis {towards.tolist()} is no direction: give three numbers, not all zero")
         if not 0.0 < half <= 180.0:
             raise StartError(f"the cone's half angle is {half} deg: give more than 0 and at most 180")
-        return cls(towards / length, half)
+        object.__setattr__(self, "towards", towards / length)
+        object.__setattr__(self, "half_angle_deg", half)
+
+    @classmethod
+    def from_mapping(cls, given: Mapping[str, Any]) -> Cone:
+        """Make a cone of ``{"towards": [x, y, z], "half_angle_deg": a}``; else `StartError`."""
+        try:
+            return cls(given["towards"], given["half_angle_deg"])
+        except KeyError as error:
+            raise StartError(
+                f'a cone of directions is {{"towards": [x, y, z], "half_angle_deg": a}}: {error} is missing'
+            ) from error
 
     def holds(self, directions: FloatArray, margin_deg: float = 0.0) -> BoolArray:
         """Which of the unit `directions` (N, 3) lie in the cone widened by `margin_deg`."""

@@ -46,7 +46,10 @@ def load_model(path: str | os.PathLike[str]) -> Model:
         model = prepare_model(vertices, faces, name=file.name)
     except MeshError as error:
         raise MeshError(f"{file}: {error}") from error
-    cache.store_key(file_key, model.key)
+    if (
+        cache.key_of_file(file) == file_key
+    ):  # else it was written anew meanwhile, and which of both was read is not known
+        cache.store_key(file_key, model.key)
     return model
 
 

@@ -83,12 +83,14 @@ class Final:
         """
         met = self.met
         beside = np.flatnonzero(met.faces < 0)
-        if len(beside):
-            near = surface.closest(transform(self.model_from_scanner, scan.points[beside]))
-            outwards = np.where(near.signed_mm < 0.0, -1.0, 1.0)
-            met.points[beside], met.normals[beside] = near.points, near.normals * outwards[:, None]
-            met.signed_mm[beside], met.faces[beside] = near.signed_mm * outwards, near.faces
-        return met
+        if len(beside) == 0:
+            return met
+        near = surface.closest(transform(self.model_from_scanner, scan.points[beside]))
+        outwards = np.where(near.signed_mm < 0.0, -1.0, 1.0)
+        found = Closest(met.points.copy(), met.normals.copy(), met.signed_mm.copy(), met.faces.copy())
+        found.points[beside], found.normals[beside] = near.points, near.normals * outwards[:, None]
+        found.signed_mm[beside], found.faces[beside] = near.signed_mm * outwards, near.faces
+        return found
 
 
 def exact_finish(

@@ -141,9 +141,10 @@ def kept_model(key: str, name: str) -> Model | None:
     prepared = cache.load(key)
     if prepared is None:
         return None
-    surface, fields = Surface(prepared.vertices, prepared.faces), prepared.fields
+    surface = Surface(prepared.vertices, prepared.faces)
     likeliest, *others = (view_at(surface, *place) for place in prepared.places)
-    return _model(surface, prepared.report, replace(likeliest, make=lambda: fields), others, name, key)
+    likeliest = replace(likeliest, make=prepared.likeliest)
+    return _model(surface, prepared.report, likeliest, others, name, key)
 
 
 def _model(surface: Surface, report: MeshReport, likeliest: View, others: list[View], name: str, key: str) -> Model:

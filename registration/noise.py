@@ -42,7 +42,7 @@ class NoiseModel:
         Parameters
         ----------
         scan : Scan
-            Its covariances are used where given.
+            Its covariances are used where given, else its points' own range noise where that is known.
         rotation : (3, 3) array
             Of `model_from_scanner`.
         normals : (N, 3) array
@@ -53,7 +53,8 @@ class NoiseModel:
             variance = np.einsum("ni,nij,nj->n", in_scanner, scan.covariance, in_scanner)
         else:
             cosine2 = np.einsum("ij,ij->i", in_scanner, scan.beams) ** 2
-            variance = self.range_mm**2 * cosine2 + self.lateral_mm**2 * (1.0 - cosine2)
+            range_mm = self.range_mm if scan.range_sd_mm is None else scan.range_sd_mm
+            variance = range_mm**2 * cosine2 + self.lateral_mm**2 * (1.0 - cosine2)
         return np.asarray(np.sqrt(variance + self.model_mm**2), dtype=np.float64)
 
 

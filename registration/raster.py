@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from registration._types import FloatArray, IntArray, Neighbours
+from registration.errors import PointsError
 from registration.seeds import frame_about
 
 ANCHORS = 7
@@ -23,11 +24,17 @@ FIRST_REACH = 3
 OFF_LATTICE = 0.3
 """Beams farther than this share of a step from their place are no raster."""
 
+LEAST_AHEAD = 0.1
+"""Smallest cosine between a beam and the mean of all."""
+
 SPARSE = 16
 """A raster with more places for each point than this is none."""
 
 NEAR = 2.3
 """Of the eight nearest points, those within so many typical spacings are neighbours."""
+
+MOST_PLACES = 10_000_000
+"""Places of a raster that are looked after however few points there are."""
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
@@ -48,8 +55,8 @@ def neighbours(beams: FloatArray, grid: IntArray | None) -> Neighbours:
 def found_grid(beams: FloatArray) -> IntArray | None:
     """Rows and columns (N, 2) of beams (N, 3) that lie on a lattice, square or not; None where they lie on none."""
     place = _flat(beams)
-    steps = _steps(place)
-    if steps is None:
+    steps = None if place is None else _steps(place)
+    if place is None or steps is None:
         return None
     first = place[:, int(np.argmin((place**2).sum(axis=0)))]
     reach, covered = FIRST_REACH, False
@@ -78,7 +85,26 @@ def found_grid(beams: FloatArray) -> IntArray | None:
     return np.ascontiguousarray(found.T) if taken.max() == 1 else None
 
 
-def thinned(grid: IntArray, every: int) -> tuple[IntArray, IntArray]:
+def checked_grid(grid: IntArray) -> IntArray:
+    """Rows and columns (N, 2) from 0 on, a common stride of theirs taken out.
+
+    Raises
+    ------
+    PointsError
+        If they span far more places than there are points.
+    """
+    place = grid - grid.min(axis=0)
+    place //= np.maximum(np.gcd.reduce(place, axis=0), 1)
+    rows, columns = (int(n) + 1 for n in place.max(axis=0))
+    if rows * columns > max(MOST_PLACES, 64 * len(grid)) or place.min() < 0:
+        raise PointsError(
+            f"grid spans {rows} rows and {columns} columns for {len(grid)} points: give their places in the raster, "
+            "counted in steps, or leave it out"
+        )
+    return np.asarray(place, dtype=np.int64)
+
+
+def thinned(grid: IntArray, every: int) -> tuple[IntArray, IntArray] | None:
     """One in `every` points, evenly spread: the points of a coarser lattice within the raster.
 
     Parameters
@@ -92,10 +118,13 @@ def thinned(grid: IntArray, every: int) -> tuple[IntArray, IntArray]:
     chosen : (M,) array of int
         Indices, ascending.
     rows and columns : (M, 2) array of int
-        In the coarser lattice.
+        In the coarser lattice. None where the points leave out so many places, or just those, that the coarser lattice
+        holds less than half of what it should, or more than half too many.
     """
     slant = max(1, round(GOLDEN * every)) % every
     chosen = np.flatnonzero((grid[:, 0] + slant * grid[:, 1]) % every == 0)
+    if not 0.5 < len(chosen) * every / len(grid) < 1.5:
+        return None
     steps = _reduced(np.array([every, 0]), np.array([-slant, 1]))
     coarse = np.rint(grid[chosen] @ np.linalg.inv(steps.astype(np.float64))).astype(np.int64)
     return chosen, coarse
@@ -112,11 +141,14 @@ def _reduced(a: IntArray, b: IntArray) -> IntArray:
         b = b - multiple * a
 
 
-def _flat(beams: FloatArray) -> FloatArray:
-    """Places (2, N) of the beams on a plane across their mean."""
+def _flat(beams: FloatArray) -> FloatArray | None:
+    """Places (2, N) of the beams on a plane across their mean; None where some hardly go that way."""
     mean = beams.mean(axis=0)
-    x, y, ahead = frame_about(mean / np.linalg.norm(mean)).T @ beams.T
-    return np.stack([x / ahead, y / ahead])
+    length = float(np.linalg.norm(mean))
+    if length < LEAST_AHEAD:
+        return None
+    x, y, ahead = frame_about(mean / length).T @ beams.T
+    return np.stack([x / ahead, y / ahead]) if ahead.min() > LEAST_AHEAD else None
 
 
 def _steps(place: FloatArray) -> FloatArray | None:
@@ -127,16 +159,17 @@ def _steps(place: FloatArray) -> FloatArray | None:
     surroundings = []
     for anchor in np.linspace(0, count - 1, ANCHORS + 2).astype(np.int64)[1:-1]:
         x, y = place - place[:, anchor, None]
-        near = np.argpartition(x * x + y * y, 8)[:9]
-        near = near[near != anchor]
+        distance = x * x + y * y
+        near = np.argpartition(distance, 8)[:9]
+        near = near[distance[near] > 0.0]
+        if len(near) < 8:
+            return None  # two beams at one place
         surroundings.append(np.stack([x[near], y[near]]))
     between = np.stack(surroundings)
     square = (between**2).sum(axis=1)
     typical = int(np.argsort(square.min(axis=1), kind="stable")[ANCHORS // 2])
     step = between[typical, :, int(np.argmin(square[typical]))]
     shortest = float(step @ step)
-    if shortest == 0.0:
-        return None
     across = np.abs(between[:, 0] * step[1] - between[:, 1] * step[0]) > 0.5 * np.sqrt(shortest * square)
     across &= square > 0.25 * shortest
     if not across.any():
@@ -171,8 +204,7 @@ def _adjacent(grid: IntArray) -> Neighbours:
 def _nearest(beams: FloatArray) -> Neighbours:
     from scipy.spatial import cKDTree
 
-    place = _flat(beams).T
-    query = cKDTree(place).query(place, min(9, len(place)))
+    query = cKDTree(beams).query(beams, min(9, len(beams)))
     distance, index = np.asarray(query[0]), np.asarray(query[1], dtype=np.int32)
     reach = NEAR * float(np.median(distance[:, 1]))
-    return np.where(distance[:, 1:] <= reach, index[:, 1:], np.int32(len(place)))
+    return np.where(distance[:, 1:] <= reach, index[:, 1:], np.int32(len(beams)))

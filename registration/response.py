@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 
 from registration._types import FloatArray
-from registration.noise import NoiseModel
 from registration.robust import initial_noise
 from registration.scan import Scan
 
@@ -27,7 +26,7 @@ def relative_noise(response_mv: FloatArray) -> FloatArray:
 
 
 def weighted_by_response(scan: Scan, noise_mm: float | None) -> Scan:
-    """Return the scan with covariances that follow from its responses.
+    """Return the scan with the range noise of each point that follows from its response.
 
     Parameters
     ----------
@@ -39,7 +38,4 @@ def weighted_by_response(scan: Scan, noise_mm: float | None) -> Scan:
     if scan.response_mv is None:
         raise ValueError("the scan has no responses to weigh its points by")
     middle = initial_noise(scan, noise_mm)
-    variance = (middle * relative_noise(scan.response_mv)) ** 2
-    along = np.einsum("ni,nj->nij", scan.beams, scan.beams)
-    across = NoiseModel().lateral_mm ** 2 * (np.eye(3) - along)
-    return replace(scan, covariance=variance[:, None, None] * along + across, grid=scan.raster)
+    return replace(scan, range_sd_mm=middle * relative_noise(scan.response_mv), grid=scan.raster)

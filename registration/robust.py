@@ -27,6 +27,9 @@ from registration.valley import ends_beside, walked
 FINISHED, WITHIN = 3, 60.0
 """So many candidates are finished, if their log likelihoods are within this of the best; the likeliest is taken."""
 
+WHOLE_FINISHED, WHOLE_WITHIN = 5, 200.0
+"""The same on a whole body: a field rounds its edges, and parts twins that are equal when beams are cast."""
+
 MAX_RIVALS = 5
 """Rivals reported at most."""
 
@@ -50,7 +53,7 @@ def register_robust(
     sigma = initial_noise(scan, noise_mm)
     cone = start if isinstance(start, Cone) else ANYWHERE
     search = Search(scan, model, sigma, cone)
-    known = noise_mm is not None or scan.covariance is not None
+    known = noise_mm is not None or scan.noise_known
     if isinstance(start, np.ndarray):
         return _finished(search, search.about(start), regions, noise_known=known, sure=True)
     candidates = search.from_anywhere()
@@ -60,8 +63,7 @@ def register_robust(
 def register_beside(scan: Scan, model: Model, solved: FloatArray, regions: FloatArray) -> Solution:
     """Register a scan beside a pose (4, 4) that was found with other points of it; regions as above."""
     search = Search(scan, model, initial_noise(scan, None))
-    known = scan.covariance is not None
-    return _finished(search, search.beside(solved), regions, noise_known=known, sure=True)
+    return _finished(search, search.beside(solved), regions, noise_known=scan.noise_known, sure=True)
 
 
 def _finished(
@@ -75,10 +77,11 @@ def _finished(
         noise = NoiseModel(search.sigma_mm)
         return exact_finish(points, search.model.surface, start, noise, points.around, allowed, noise_known=noise_known)
 
-    least = candidates[0].log_likelihood - WITHIN / len(search.thin)
-    starts = [c.model_from_scanner for c in candidates[:FINISHED] if c.log_likelihood >= least]
-    if search.thin is not scan:
-        starts = [finished(s, search.thin).model_from_scanner for s in starts]
+    most, within = (WHOLE_FINISHED, WHOLE_WITHIN) if candidates[0].view.whole else (FINISHED, WITHIN)
+    least = candidates[0].log_likelihood - within / len(search.trials.thin)
+    starts = [c.model_from_scanner for c in candidates[:most] if c.log_likelihood >= least]
+    if search.trials.thin is not scan:
+        starts = [finished(s, search.trials.thin).model_from_scanner for s in starts]
     finals = [finished(s, scan) for s in starts]
     walk = walked(max(finals, key=lambda f: f.log_likelihood), scan, lambda pose: finished(pose, scan))
     final = max(walk, key=lambda f: f.log_likelihood)
@@ -114,9 +117,11 @@ def rivals_of(best: FloatArray, ends: list[tuple[FloatArray, float]], middle: Fl
 
 
 def initial_noise(scan: Scan, noise_mm: float | None) -> float:
-    """Noise along the beam to search with: given, from the covariances, or from the raster itself."""
+    """Noise along the beam to search with: given, of the points themselves, or from the raster."""
     if noise_mm is not None:
         return noise_mm
+    if scan.range_sd_mm is not None:
+        return float(np.median(scan.range_sd_mm))
     if scan.covariance is not None:
         return float(np.sqrt(np.median(np.einsum("ni,nij,nj->n", scan.beams, scan.covariance, scan.beams))))
     found = raster_noise(scan)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -10,7 +10,10 @@ import numpy.typing as npt
 
 from registration._types import BoolArray, FloatArray, IntArray, Neighbours
 from registration.errors import DegenerateError, PointsError
-from registration.raster import found_grid, neighbours, thinned
+from registration.raster import checked_grid, found_grid, neighbours, thinned
+
+LEAST_COMMON = 0.05
+"""Length of the mean of all beams below which they have no common direction."""
 
 MIN_POINTS = 6
 """A rigid pose has six unknowns."""
@@ -29,10 +32,14 @@ class Scan:
     origin : (3,) array
     covariance : (N, 3, 3) array or None
         mm^2.
+    range_sd_mm : (N,) array or None
+        Standard deviation along the beam where there is no covariance, but the amplitudes tell as much.
     response_mv : (N,) array or None
         Amplitude of the echo.
     grid : (N, 2) array of int or None
         Row and column in the raster.
+    scattered : bool
+        The points were drawn at random: whatever raster they come from, their neighbours are the nearest ones.
     """
 
     points: FloatArray
@@ -41,36 +48,61 @@ class Scan:
     covariance: FloatArray | None = None
     response_mv: FloatArray | None = None
     grid: IntArray | None = None
+    scattered: bool = False
+    range_sd_mm: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.points)
 
+    @property
+    def noise_known(self) -> bool:
+        """Whether the noise of every single point is given."""
+        return self.covariance is not None or self.range_sd_mm is not None
+
     @cached_property
     def raster(self) -> IntArray | None:
         """Rows and columns (N, 2): those given, else those that the beams show; None when they lie on no raster."""
-        return self.grid if self.grid is not None else found_grid(self.beams)
+        if self.grid is not None or self.scattered:
+            return self.grid
+        return found_grid(self.beams)
 
     @cached_property
     def around(self) -> Neighbours:
         """Indices (N, 8) of each point's neighbours in the raster; N stands for "none there"."""
         return neighbours(self.beams, self.raster)
 
-    def part(self, chosen: IntArray | BoolArray, grid: IntArray | None = None) -> Scan:
-        """Some of the points, by index or mark, with other rows and columns if these are given."""
-        covariance = None if self.covariance is None else self.covariance[chosen]
-        response = None if self.response_mv is None else self.response_mv[chosen]
-        if grid is None and self.raster is not None:
-            grid = self.raster[chosen]
-        return Scan(self.points[chosen], self.beams[chosen], self.origin, covariance, response, grid)
+    def part(self, chosen: IntArray | BoolArray) -> Scan:
+        """Some of the points, by index or mark."""
+        return replace(
+            self,
+            points=self.points[chosen],
+            beams=self.beams[chosen],
+            covariance=None if self.covariance is None else self.covariance[chosen],
+            range_sd_mm=None if self.range_sd_mm is None else self.range_sd_mm[chosen],
+            response_mv=None if self.response_mv is None else self.response_mv[chosen],
+            grid=None if self.raster is None else self.raster[chosen],
+            scattered=self.raster is None,
+        )
 
-    def thinned(self, count: int) -> Scan:
-        """At most about `count` points, evenly spread in the raster; drawn at random where there is none."""
-        every = -(-len(self) // count)
-        if every == 1:
-            return self
-        if self.raster is None:
-            return self.part(np.sort(np.random.default_rng(0).permutation(len(self))[:count]))
-        return self.part(*thinned(self.raster, every))
+    def thinned(self, count: int, among: BoolArray | None = None) -> Scan:
+        """About `count` points, evenly spread in the raster; drawn at random where that cannot be.
+
+        Parameters
+        ----------
+        count : int
+        among : (N,) array of bool, optional
+            Points to take them from.
+        """
+        marked = np.ones(len(self), dtype=np.bool_) if among is None else among
+        every = round(int(marked.sum()) / count)
+        if every <= 1:
+            return self if among is None else self.part(among)
+        even = None if self.raster is None else thinned(self.raster, every)
+        if even is None:
+            drawn = np.random.default_rng(0).permutation(np.flatnonzero(marked))[:count]
+            return replace(self.part(np.sort(drawn)), grid=None, scattered=True)
+        chosen, coarse = (part[marked[even[0]]] for part in even)
+        return replace(self.part(chosen), grid=coarse)
 
     @cached_property
     def ranges(self) -> FloatArray:
@@ -122,19 +154,23 @@ def checked_scan(
         raise PointsError(
             f"point {int(np.argmin(distance))} lies at the scanner's origin {o.tolist()}: give the true origin"
         )
-    checked_grid = None
+    places = None
     if grid is not None:
         g = np.asarray(grid)
         if g.shape != (len(p), 2) or not np.issubdtype(g.dtype, np.integer):
             raise PointsError(f"grid has shape {g.shape} and type {g.dtype}: give whole numbers ({len(p)}, 2)")
-        checked_grid = g.astype(np.int64)
+        places = checked_grid(g.astype(np.int64))
+    beams = offset / distance[:, None]
+    if np.linalg.norm(beams.mean(axis=0)) < LEAST_COMMON:
+        raise PointsError(f"the beams go to all sides: the scanner's origin {o.tolist()} lies within the cloud")
     checked_covariance = None
     if covariance is not None:
         checked_covariance = _sized(covariance, (len(p), 3, 3), "covariance")
-        if np.linalg.eigvalsh(checked_covariance).min() < 0:
-            raise PointsError("covariance holds a matrix with a negative variance")
+        variances = np.linalg.eigvalsh(checked_covariance)
+        if (variances[:, 0] < -1e-9 * variances[:, 2]).any() or variances[:, 2].min() <= 0.0:
+            raise PointsError("covariance holds a matrix with a negative variance, or with none at all: leave it out")
     response = None if response_mv is None else _sized(response_mv, (len(p),), "response_mv")
-    return Scan(p, offset / distance[:, None], o, checked_covariance, response, checked_grid)
+    return Scan(p, beams, o, checked_covariance, response, places)
 
 
 def _sized(values: npt.ArrayLike, shape: tuple[int, ...], name: str) -> FloatArray:

@@ -7,19 +7,17 @@ from functools import cached_property
 
 import numpy as np
 
-from registration._types import FloatArray, IntArray
-from registration.batch import Poses
+from registration._types import FloatArray
 from registration.centres import sphere_centres, sphere_support
 from registration.cone import ANYWHERE, Cone, rotations_within
 from registration.errors import StartError
 from registration.minima import SURE_HITS, Candidate, merged
 from registration.model import Model
-from registration.noise import TYPICAL_RANGE_MM
-from registration.polish import polish
-from registration.race import HEATS, NEAR_HEATS, PATIENT_HEATS, Cloud, Heat, distinct, race, shuffle, telling_order
-from registration.rigid import inverse, pose, transform
+from registration.race import HEATS, NEAR_HEATS, PATIENT_HEATS, shuffle, telling_order
+from registration.rigid import inverse, small_motion, transform
 from registration.scan import Scan
 from registration.seeds import rotations_near
+from registration.trials import Trials
 from registration.views import SHELL_CONE_DEG, Place, View
 from registration.visibility import visible_centroids
 
@@ -40,9 +38,6 @@ START_CONE_DEG = 25.0
 
 START_REACH_MM = 40.0
 """How far a start may be off in position."""
-
-POLISHED_POINTS = 1500
-"""Candidates are polished and compared on at most so many points; all take part in the last finish."""
 
 COVERED = 0.6
 """A prepared view serves a start when it holds so many of the points, for a start may be off."""
@@ -65,9 +60,6 @@ OTHER_RADII = (0.96, 1.04)
 LEEWAY_DEG = 2.0
 """A pose found may lie so far outside the cone that was given."""
 
-FINALISTS = 4
-"""Candidates of a race that are polished to the end."""
-
 
 class Search:
     """Searches a model for the poses that explain a scan.
@@ -86,8 +78,7 @@ class Search:
         self.scan, self.model, self.sigma_mm, self.cone = scan, model, sigma_mm, cone
         self.towards = _unit(-scan.beams.mean(axis=0))
         self.middle = np.asarray(scan.points.mean(axis=0), dtype=np.float64)
-        self.stretch = max(1.0, sigma_mm / TYPICAL_RANGE_MM)
-        self.thin = scan.thinned(POLISHED_POINTS)
+        self.trials = Trials(scan, sigma_mm)
 
     @cached_property
     def centres(self) -> list[list[FloatArray]]:
@@ -122,26 +113,41 @@ class Search:
         """
         if not any(self.centres):
             raise StartError("no sphere of the model's socket fits the points: give landmarks or a pose to start from")
+        if not any(len(self._rotations(view, 0)) for view in self.model.views):
+            raise StartError("no hollow of the model opens to the cone of directions: widen it, or give a pose")
         found: list[Candidate] = []
         least = WHOLE_RACES if any(view.whole for view in self.model.views) else 1
         for draw in range(MAX_RACES):
             anchors = self.centres if draw == 0 else self.more_centres
             for index in self._likely_first():
                 if anchors[index]:
-                    found = merged(found, self._raced(self.model.views[index], anchors[index], draw), self.middle)
+                    found = self._joined(found, self._raced(self.model.views[index], anchors[index], draw), SURE_HITS)
                 if draw == 0 and found and self._margin(found) > CLEAR:
                     break
             if not found:
-                raise StartError("no hollow of the model opens to the cone of directions: widen it, or give a pose")
+                continue
             if self._margin(found) <= CLEAR or found[0].hits < MET_BY_MANY:
-                found = merged(found, self._near(found, draw), self.middle, bonus=0)
+                found = self._joined(found, self._near(found, draw), 0)
             enough = self._margin(found) > CLEAR or (draw > 0 and self.sure(found))
             if enough and draw + 1 >= least:
                 break
-        plausible = [c for c in found if self.cone.holds(c.model_from_scanner[:3, :3] @ self.towards, LEEWAY_DEG)]
-        if not plausible:
+        if not found:
             raise StartError("no pose within the cone of directions explains the points: widen it, or search anywhere")
-        return plausible
+        return self._joined(found, self._turned(found[0]), 0) if found[0].view.whole else found
+
+    def _joined(self, found: list[Candidate], more: list[Candidate], bonus: int) -> list[Candidate]:
+        """Both lists in one, without what lies outside the cone."""
+        inside = [c for c in more if self.cone.holds(c.model_from_scanner[:3, :3] @ self.towards, LEEWAY_DEG)]
+        return merged(found, inside, self.middle, bonus)
+
+    def _turned(self, best: Candidate) -> list[Candidate]:
+        """The pose turned by quarters about the principal axes of the whole model: manufactured bodies are symmetric,
+        and a twin that no race happened to reach makes a pose no less ambiguous."""
+        centroid, axes = self.model.surface.principal_frame
+        quarters = [k * np.pi / 2.0 * axis for axis in axes.T for k in (1.0, 2.0, 3.0)]
+        turns = [small_motion(np.concatenate([turn, np.zeros(3)]), centroid) for turn in quarters]
+        poses = np.stack([turn @ best.model_from_scanner for turn in turns])
+        return [replace(c, hits=0) for c in self.trials.polished(best.view, poses)]
 
     def _likely_first(self) -> list[int]:
         """Views by how much of the cloud lies on their spheres: a wrong hollow need not be raced."""
@@ -159,7 +165,7 @@ class Search:
         """How much better the best minimum explains all points than the next."""
         if len(found) < 2:
             return float("inf")
-        return (found[0].log_likelihood - found[1].log_likelihood) * len(self.thin)
+        return (found[0].log_likelihood - found[1].log_likelihood) * len(self.trials.thin)
 
     def _near(self, found: list[Candidate], draw: int) -> list[Candidate]:
         """Minima about the best one: a narrow look where it is clear, a wide one where others are nearly as good."""
@@ -177,7 +183,7 @@ class Search:
         order = shuffle(len(self.scan), draw)
         if view.is_socket:
             order = telling_order(self.scan.points, centre, view.radius_mm, draw)
-        return self._finishers(view, centre, order, rotations, np.zeros((starts, 3)), NEAR_HEATS)
+        return self.trials.raced(view, centre, order, rotations, np.zeros((starts, 3)), NEAR_HEATS)
 
     def about(self, start: FloatArray) -> list[Candidate]:
         """Distinct minima within `START_CONE_DEG` of a start pose (4, 4), best first."""
@@ -193,60 +199,37 @@ class Search:
             order = shuffle(len(self.scan), draw)
             if near:
                 order = telling_order(self.scan.points, anchors[0], view.radius_mm, draw)
-            found = merged(found, self._finishers(view, anchors[0], order, rotations, shifts), self.middle)
+            found = merged(found, self.trials.raced(view, anchors[0], order, rotations, shifts, HEATS), self.middle)
             if found[0].hits >= SURE_HITS:
                 break
         return found
 
     def _raced(self, view: View, centres: list[FloatArray], draw: int) -> list[Candidate]:
-        seen_from = ANYWHERE if view.whole else Cone(view.axis, SHELL_CONE_DEG + 5.0)
-        rotations = rotations_within((seen_from, self.cone), self.towards, STARTS, draw * STARTS)
+        rotations = self._rotations(view, draw)
         if len(rotations) == 0:
             return []
         if view.whole:
             shifts = visible_centroids(self.model.surface, rotations @ self.towards) - view.centre
-            return self._finishers(view, centres[0], shuffle(len(self.scan), draw), rotations, shifts)
+            order = shuffle(len(self.scan), draw)
+            return self.trials.raced(view, centres[0], order, rotations, shifts, PATIENT_HEATS)
         shifts = _shifts(rotations, np.array(centres))
         order = telling_order(self.scan.points, centres[0], view.radius_mm, draw)
         heats = HEATS if draw < PATIENT_DRAW else PATIENT_HEATS
-        return self._finishers(view, centres[0], order, rotations, shifts, heats)
+        return self.trials.raced(view, centres[0], order, rotations, shifts, heats)
 
-    def _finishers(
-        self,
-        view: View,
-        centre: FloatArray,
-        order: IntArray,
-        rotations: FloatArray,
-        shifts: FloatArray,
-        heats: tuple[Heat, ...] = HEATS,
-    ) -> list[Candidate]:
-        cloud = Cloud.about(self.scan.points, self.scan.beams, centre, order)
-        finishers = race(
-            view, cloud, Poses(rotations.astype(np.float32), shifts.astype(np.float32)), self.stretch, heats
-        )
-        first, hits = distinct(finishers)
-        points = np.ascontiguousarray((self.thin.points - centre).T, dtype=np.float32)
-        beams = np.ascontiguousarray(self.thin.beams.T, dtype=np.float32)
-        around, sigma = self.thin.around, self.sigma_mm
-        polished, likelihood = polish(view.fine, finishers.at(first), points, beams, around, sigma)
-        best = np.argsort(-likelihood, kind="stable")[:FINALISTS]
-        polished, likelihood = polish(view.fine, polished.at(best), points, beams, around, sigma, (2, 3))
-        hits = hits[best]
-        rotation = polished.rotations.astype(np.float64)
-        poses = pose(rotation, view.centre + polished.shifts - rotation @ centre)
-        found = [Candidate(p, float(v), int(h), view) for p, v, h in zip(poses, likelihood, hits, strict=True)]
-        return merged([], found, self.middle, bonus=0)
+    def _rotations(self, view: View, draw: int) -> FloatArray:
+        """Rotations (K, 3, 3) of a race: those that show the view, and that the scanner may look from."""
+        seen_from = ANYWHERE if view.whole else Cone(view.axis, SHELL_CONE_DEG + 5.0)
+        return rotations_within((seen_from, self.cone), self.towards, STARTS, draw * STARTS)
 
     def _view_at(self, start: FloatArray) -> View:
         """The prepared view that a start looks into, or one made for it."""
         aimed = transform(start, self.scan.points)
         middle = np.asarray(aimed.mean(axis=0), dtype=np.float64)
         towards = _unit(transform(start, self.scan.origin[None])[0] - middle)
-        for view in self.model.views:
-            if view.covers(aimed) < COVERED:
-                continue
-            faces_it = towards @ view.axis > np.cos(np.radians(SHELL_CONE_DEG))
-            if view.fine.step_mm <= FINE_STEP_MM if view.whole else faces_it:
+        for view in self.model.views:  # what does not face the start is not asked for its fields
+            faces_it = view.whole or towards @ view.axis > np.cos(np.radians(SHELL_CONE_DEG))
+            if faces_it and view.covers(aimed) >= COVERED and not (view.whole and view.fine.step_mm > FINE_STEP_MM):
                 return view
         reach = float(np.linalg.norm(aimed - middle, axis=1).max()) + 15.0
         return self.model.view_of(Place.of(middle, towards, reach))

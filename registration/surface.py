@@ -171,6 +171,15 @@ class Surface:
         unit: FloatArray = total / np.maximum(np.linalg.norm(total, axis=1), np.finfo(np.float64).tiny)[:, None]
         return unit[edge].reshape(-1, 3, 3)
 
+    @cached_property
+    def principal_frame(self) -> tuple[FloatArray, FloatArray]:
+        """Centroid (3,) mm of the area, and its principal axes, the columns of (3, 3), least extent first."""
+        middle = self.vertices[self.faces].mean(axis=1)
+        share = self.face_areas / self.face_areas.sum()
+        centroid = share @ middle
+        local = middle - centroid
+        return centroid, np.asarray(np.linalg.eigh((local * share[:, None]).T @ local)[1], dtype=np.float64)
+
     def principal_curvatures(self) -> FloatArray:
         """Largest and smallest curvature (V, 2) in 1/mm at each vertex, positive where the surface bulges outward.
 

@@ -120,13 +120,14 @@ def _whole_view(surface: Surface) -> View:
     """The whole model, seen from any side, with a step that suits its size."""
     low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
     centre = (low + high) / 2.0
+    return View(centre, float("inf"), np.array([0.0, 0.0, 1.0]), partial(_whole_fields, surface, centre), whole=True)
 
-    def make() -> Fields:
-        moved = Surface(surface.vertices - centre, surface.faces)
-        step = max(1.0, float((high - low).max()) / WHOLE_STEPS)
-        return build_fields(moved, low - centre - MARGIN_MM, high - centre + MARGIN_MM, step_mm=step)
 
-    return View(centre, float("inf"), np.array([0.0, 0.0, 1.0]), make, whole=True)
+def _whole_fields(surface: Surface, centre: FloatArray) -> Fields:
+    moved = Surface(surface.vertices - centre, surface.faces)
+    low, high = moved.vertices.min(axis=0), moved.vertices.max(axis=0)
+    step = max(1.0, float((high - low).max()) / WHOLE_STEPS)
+    return build_fields(moved, low - MARGIN_MM, high + MARGIN_MM, step_mm=step)
 
 
 def _socket_view(surface: Surface, socket: Socket) -> View:

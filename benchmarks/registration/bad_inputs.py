@@ -42,6 +42,13 @@ class Bone:
         model = prepare_model(self.model.vertices * flip, self.model.faces[:, ::-1])
         return Bone(f"mirrored {self.name}", model, self.centre * flip, self.axis * flip)
 
+    def shell(self, below_mm: float = 8.0) -> Bone:
+        """What lies below the plane of the socket's centre by so much, cut out: an open model."""
+        inside = (self.model.vertices - self.centre) @ self.axis < -below_mm
+        near = np.linalg.norm(self.model.vertices - self.centre, axis=1) < 31.0
+        model = prepare_model(self.model.vertices, self.model.faces[(inside & near)[self.model.faces].all(axis=1)])
+        return Bone(f"shell of {self.name}", model, self.centre, self.axis)
+
     def scan(self, seed: int, tissue: float) -> synthetic.Synthetic:
         """A scan of the socket."""
         return synthetic.scan(self.model, self.centre, self.axis, seed, tissue=tissue)
@@ -145,9 +152,22 @@ def featureless_cases() -> Iterator[Case]:
         yield name, make
 
 
+def symmetric_cases() -> Iterator[Case]:
+    """A body that turns onto itself, from any side: whatever pose is found, others are as good."""
+    box = body(trimesh.creation.box((40.0, 30.0, 20.0)))
+
+    def make(seed: int) -> tuple[np.ndarray, Model, None]:
+        axis = np.random.default_rng(seed).normal(size=3)
+        found = synthetic.scan(box, np.zeros(3), axis / np.linalg.norm(axis), seed, tissue=0.0, noise_mm=0.2)
+        return found.points, box, None
+
+    yield "box of 40 x 30 x 20 mm from any side", make
+
+
 def crossed_cases(bones: list[Bone], femurs: list[tuple[str, Model]]) -> Iterator[Case]:
     """The scan of one bone and the model of another."""
-    everyone = [*bones, *(bone.mirrored() for bone in bones)]
+    mirrored = [bone.mirrored() for bone in bones]
+    everyone = [*bones, *mirrored, *(bone.shell() for bone in mirrored)]
     for scanned in bones:
         for other in everyone:
             if other is not scanned:
@@ -165,12 +185,13 @@ def crossed_cases(bones: list[Bone], femurs: list[tuple[str, Model]]) -> Iterato
 def right_cases(bones: list[Bone]) -> Iterator[Case]:
     """The right bone, for comparison: the verdict must not be bought by refusing everything."""
     for bone in bones:
+        for model in (bone, bone.shell()):
 
-        def make(seed: int, bone: Bone = bone) -> tuple[np.ndarray, Model, np.ndarray]:
-            found = bone.scan(seed, 0.3)
-            return found.points, bone.model, found.truth
+            def make(seed: int, bone: Bone = bone, given: Model = model.model) -> tuple[np.ndarray, Model, np.ndarray]:
+                found = bone.scan(seed, 0.3)
+                return found.points, given, found.truth
 
-        yield f"the right bone, {bone.name}", make
+            yield f"the right bone, {model.name}", make
 
 
 def judged(case: Case, seeds: int) -> tuple[Counter[str], str, int]:
@@ -206,7 +227,8 @@ def main() -> None:
     options = parser.parse_args()
     bones = [shipped(), *(from_file(path) for path in options.mesh)]
     femurs = [(Path(path).stem, load_model(path)) for path in options.femur]
-    cases = [*single_cases(bones[0]), *featureless_cases(), *crossed_cases(bones, femurs), *right_cases(bones)]
+    cases = [*single_cases(bones[0]), *featureless_cases(), *symmetric_cases()]
+    cases += [*crossed_cases(bones, femurs), *right_cases(bones)]
     columns = ("refused", "fail", "caution", "pass")
     lines = ["| input | " + " | ".join(columns) + " | passed wrongly | most often said |", "|---" * 7 + "|"]
     for case in cases:

@@ -11,6 +11,7 @@ import trimesh
 
 import registration
 from registration.rigid import inverse, pose, transform
+from registration.seeds import frame_about
 from sim.targets import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM
 
 
@@ -46,6 +47,38 @@ def test_the_other_hip_never_passes(
         found = registration.register(points, model)
         assert found.verdict == "fail"
         assert found.reasons
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_shell_of_the_other_hip_never_passes(
+    hip: registration.Model, other_side: registration.Model, scan_of: Callable[..., Any], seed: int
+) -> None:
+    """An open model has no inside that points could lie in; whole patches beside it tell."""
+    corners = other_side.vertices[other_side.faces]
+    inner = (corners[:, :, 2].max(axis=1) < -8.0) & (np.linalg.norm(corners.mean(axis=1), axis=1) < 31.0)
+    shell = registration.prepare_model(other_side.vertices, other_side.faces[inner])
+    assert registration.register(scan_of(hip, seed).points, shell).verdict != "pass"
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_box_that_turns_onto_itself_never_passes(seed: int) -> None:
+    """From any side three other poses are exactly as good, whether the races reach them or not."""
+    box = trimesh.creation.box((40.0, 30.0, 20.0))
+    model = registration.prepare_model(np.asarray(box.vertices), np.asarray(box.faces))
+    rng = np.random.default_rng([seed, 8])
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    truth = pose(frame_about(-axis), 900.0 * axis)
+    steps = np.linspace(-30.0, 30.0, 45) / 900.0
+    gx, gy = np.meshgrid(steps, steps)
+    beams = np.stack([gx.ravel(), gy.ravel(), np.ones(gx.size)], axis=1)
+    beams /= np.linalg.norm(beams, axis=1, keepdims=True)
+    ranges = model.surface.first_hit(np.broadcast_to(truth[:3, 3], beams.shape), beams @ truth[:3, :3].T)
+    hit = np.isfinite(ranges)
+    points = beams[hit] * (ranges[hit] + rng.normal(0.0, 0.2, int(hit.sum())))[:, None]
+    found = registration.register(points, model)
+    assert found.verdict != "pass"
+    assert sum(rival.rotation_deg == pytest.approx(180.0, abs=1.0) for rival in found.rivals) >= 1
 
 
 def test_another_bone_never_passes_even_from_a_start(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -123,6 +124,51 @@ def test_a_mesh_file_is_parsed_once(
         if path.stat().st_size > 10_000:
             path.unlink()
     np.testing.assert_array_equal(registration.load_model(copy).vertices, first.vertices)
+
+
+def test_a_file_that_changes_while_it_is_read_is_not_remembered(
+    small: registration.Model, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "bowl.stl"
+    mesh = trimesh.Trimesh(small.vertices, small.faces)
+    given = trimesh.exchange.stl.export_stl(mesh)
+    moved = trimesh.exchange.stl.export_stl(mesh.copy().apply_translation([5.0, 0.0, 0.0]))
+    file.write_bytes(given)
+    load = trimesh.load
+
+    def swapped(*args: object, **keywords: object) -> object:
+        file.write_bytes(moved)
+        return load(*args, **keywords)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(trimesh, "load", swapped)
+        registration.load_model(file)
+    file.write_bytes(given)
+    np.testing.assert_allclose(registration.load_model(file).centre, small.centre, atol=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_wrong_bytes_in_a_file_are_never_believed(small: registration.Model, folder: Path, seed: int) -> None:
+    """Bytes of the headers: those of the fields themselves are guarded by their check sum."""
+    registration.prepare_model(small.vertices, small.faces)
+    (path,) = files(folder)
+    content = bytearray(path.read_bytes())
+    rng = np.random.default_rng(seed)
+    headers = [i for i in range(len(content) - 160) if content[i : i + 4] in (b"PK\x03\x04", b"PK\x01\x02", b"\x93NUM")]
+    for _ in range(3):
+        at = int(rng.choice(headers)) + int(rng.integers(0, 128))
+        content[at] ^= 1 << int(rng.integers(0, 8))
+    path.write_bytes(bytes(content))
+    again = registration.prepare_model(small.vertices, small.faces)
+    np.testing.assert_array_equal(again.vertices, small.vertices)
+    np.testing.assert_array_equal(again.faces, small.faces)
+    np.testing.assert_array_equal(again.views[0].fine.nodes, small.views[0].fine.nodes)
+
+
+def test_a_model_can_be_sent_to_another_process(small: registration.Model, folder: Path) -> None:
+    for model in (registration.prepare_model(small.vertices, small.faces) for _ in range(2)):
+        sent = pickle.loads(pickle.dumps(model))
+        np.testing.assert_array_equal(sent.views[0].fine.nodes, small.views[0].fine.nodes)
 
 
 def test_a_full_disk_leaves_no_half_written_file(

@@ -11,14 +11,9 @@ import pytest
 
 import registration
 from registration.cone import ANYWHERE, Cone, rotations_within
-from registration.rigid import inverse, pose, rotation_from_vector, transform
+from registration.rigid import pose, rotation_from_vector, transform
 
 UP = [0.0, 0.0, 1.0]
-
-
-def towards_scanner(found: registration.Registration, points: np.ndarray) -> np.ndarray:
-    middle = points.mean(axis=0)
-    return found.model_from_scanner[:3, :3] @ (-middle / np.linalg.norm(middle))
 
 
 @pytest.mark.parametrize("start", [{"towards": UP, "half_angle_deg": 20}, Cone(np.array(UP), 20.0)])
@@ -63,8 +58,8 @@ def registration_volume(v: np.ndarray, f: list[list[int]]) -> float:
     return float(np.einsum("ij,ij->", a, np.cross(b, c)))
 
 
-def test_a_cone_excludes_the_mirror_image_of_a_symmetric_body() -> None:
-    """Seen obliquely along its ridge, a roof explains the points from either end; the cone knows which one."""
+def seen_obliquely() -> tuple[np.ndarray, registration.Model, np.ndarray]:
+    """Points (N, 3) on the roof, seen along its ridge at an angle; the model, and the true pose."""
     model = wedge()
     facing = rotation_from_vector(np.array([0.5, 0.0, 0.0])) @ np.diag([1.0, -1.0, -1.0])
     truth = pose(facing, np.array([0.0, 0.0, 0.0]) - 900.0 * facing[:, 2])
@@ -76,17 +71,37 @@ def test_a_cone_excludes_the_mirror_image_of_a_symmetric_body() -> None:
     distance = model.surface.first_hit(origins, beams @ truth[:3, :3].T)
     hit = np.isfinite(distance)
     points = beams[hit] * (distance[hit] + np.random.default_rng(1).normal(0.0, 0.3, int(hit.sum())))[:, None]
+    return points, model, truth
+
+
+def test_a_cone_excludes_the_mirror_image_of_a_symmetric_body() -> None:
+    """Seen obliquely along its ridge, a roof explains the points from either end; the cone knows which one."""
+    points, model, truth = seen_obliquely()
     towards = transform(truth, np.zeros((1, 3)))[0]
-    there = registration.register(points, model, start={"towards": towards, "half_angle_deg": 15})
     half_turn = pose(np.diag([-1.0, -1.0, 1.0]), np.zeros(3))
-    beyond = registration.register(points, model, start={"towards": half_turn[:3, :3] @ towards, "half_angle_deg": 15})
-    for found, expected in ((there, truth), (beyond, half_turn @ truth)):
+    for expected in (truth, half_turn @ truth):
+        axis = expected[:3, :3] @ truth[:3, :3].T @ towards
+        found = registration.register(points, model, start={"towards": axis, "half_angle_deg": 15})
         error = registration.pose_error(found.model_from_scanner, expected, np.zeros(3))
         assert error.rotation_deg < 0.5
         assert error.translation_mm < 0.3
-        for rival in found.rivals:
-            turned = rival.model_from_scanner[:3, :3] @ inverse(found.model_from_scanner)[:3, :3]
-            assert np.trace(turned) > -0.9, "the half turn lies outside the cone"
+        assert all(rival.rotation_deg < 90.0 for rival in found.rivals), "the half turn lies outside the cone"
+
+
+def test_the_twin_is_told_where_no_cone_excludes_it() -> None:
+    """What the last test shows to be excluded is there without a cone."""
+    points, model, _ = seen_obliquely()
+    found = registration.register(points, model)
+    assert found.rivals[0].rotation_deg == pytest.approx(180.0, abs=1.0)
+    assert found.verdict != "pass"
+
+
+def test_a_cone_is_made_a_unit_vector_and_checked() -> None:
+    cone = Cone([0.0, 0.0, 10.0], 20)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(cone.towards, UP)
+    for towards, half in (([0, 0, 1], np.nan), ([0, 0, 1], -5.0), ([0, 0, 1], 400.0), ([[0, 1]], 20.0)):
+        with pytest.raises(registration.StartError):
+            Cone(np.array(towards, dtype=float), half)
 
 
 def test_rotations_lie_in_all_cones() -> None:

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from registration.errors import PointsError
 from registration.raster import found_grid, neighbours, thinned
 from registration.scan import Scan, checked_scan
 
@@ -97,8 +98,10 @@ def test_what_is_no_raster_has_its_nearest_beams_for_neighbours(kind: str) -> No
 @given(rows=st.integers(20, 60), columns=st.integers(20, 60), every=st.integers(1, 40))
 def test_a_thinned_raster_is_spread_evenly(rows: int, columns: int, every: int) -> None:
     grid = np.stack(np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij"), axis=-1).reshape(-1, 2)
-    chosen, coarse = thinned(grid, every)
-    assert abs(len(chosen) - len(grid) / every) <= rows + columns
+    even = thinned(grid, every)
+    assert even is not None
+    chosen, coarse = even
+    assert len(chosen) == pytest.approx(len(grid) / every, abs=2.0 * np.sqrt(len(grid) / every))
     places = grid[chosen].astype(float)
     apart = np.linalg.norm(places[:, None] - places, axis=2)
     np.fill_diagonal(apart, np.inf)
@@ -118,3 +121,52 @@ def test_a_thinned_scan_keeps_what_belongs_to_its_points() -> None:
     assert (thin.around < len(thin)).sum(axis=1).mean() > 7.0
     assert scan.thinned(len(scan)) is scan
     assert isinstance(thin, Scan)
+
+
+def checkerboard(grid: np.ndarray) -> np.ndarray:
+    return np.asarray(grid.sum(axis=1) % 2 == 0)
+
+
+def test_a_raster_with_holes_in_a_pattern_is_thinned_at_random() -> None:
+    beams, grid = lattice(80, 80)
+    kept = checkerboard(grid)
+    scan = checked_scan(900.0 * beams[kept], grid=grid[kept])
+    thin = scan.thinned(1600)
+    assert len(thin) == 1600
+    assert (thin.around < len(thin)).sum(axis=1).mean() > 6.0, "neighbours are the nearest then"
+
+
+@pytest.mark.parametrize(("stride", "offset"), [((2, 2), (1, 0)), ((10, 3), (-7, 40)), ((1, 5), (0, 0))])
+def test_rows_and_columns_may_be_counted_in_any_steps(stride: tuple[int, int], offset: tuple[int, int]) -> None:
+    beams, grid = lattice(50, 48)
+    plain = checked_scan(900.0 * beams, grid=grid)
+    counted = checked_scan(900.0 * beams, grid=grid * stride + offset)
+    np.testing.assert_array_equal(counted.around, plain.around)
+    np.testing.assert_array_equal(counted.thinned(800).points, plain.thinned(800).points)
+
+
+@pytest.mark.parametrize("far", [10**9, 2**62])
+def test_a_grid_that_is_none_is_refused(far: int) -> None:
+    beams, grid = lattice(20, 20)
+    grid = grid.astype(np.int64)
+    grid[0] = far
+    grid[1] = -far
+    with pytest.raises(PointsError, match="grid spans"):
+        checked_scan(900.0 * beams, grid=grid)
+
+
+@pytest.mark.parametrize("times", [2, 12])
+def test_beams_that_come_more_than_once_are_no_raster(times: int) -> None:
+    beams, _ = lattice(20, 20)
+    assert found_grid(np.tile(beams, (times, 1))) is None
+
+
+def test_beams_to_all_sides_are_refused() -> None:
+    places = np.stack(np.meshgrid(*[np.arange(-1.0, 2.0)] * 3), axis=-1).reshape(-1, 3)
+    with pytest.raises(PointsError, match="lies within the cloud"):
+        checked_scan(30.0 * places[np.abs(places).max(axis=1) > 0])
+    half = places[places[:, 2] >= 0]
+    beams = half[np.abs(half).max(axis=1) > 0]
+    beams = beams / np.linalg.norm(beams, axis=1, keepdims=True)
+    assert found_grid(beams) is None
+    assert neighbours(beams, None).shape == (len(beams), 8)
