@@ -102,8 +102,13 @@ def cell(method, case, scans, floors, targets, options):
     return right.mean(), right[allowed].mean() if allowed.any() else np.nan, ratio, np.median(times), len(e)
 
 
+def row_key(line: str) -> tuple[str, ...]:
+    """Model, case and method of a row."""
+    return tuple(cell.strip() for cell in line.split("|")[1:4])
+
+
 def write(options, rows) -> None:
-    """Replace the part of the document below the mark by these tables."""
+    """Put these rows into the part of the document below the mark; those of methods not run now stay there."""
     processor = Path("/proc/cpuinfo")
     lines = processor.read_text().splitlines() if processor.exists() else []
     cpu = next((line.split(":")[1].strip() for line in lines if "model name" in line), platform.machine())
@@ -126,9 +131,14 @@ def write(options, rows) -> None:
         lines.append(f"| {model} | {case} | {name} | {' | '.join(cells)} | {ms:.0f} | {prepared:.0f} | {count} |")
     text = options.out.read_text() if options.out.exists() else f"# Benchmarks\n\n{MARK}\n"
     head, _, old = text.partition(MARK)
-    kept = [part for part in old.split("\n### ") if part.strip() and not part.startswith(lines[0][4:])]
-    sections = ["\n".join(lines), *("### " + part.strip().removeprefix("### ") for part in kept)]
-    options.out.write_text(head + MARK + "\n\n" + "\n\n".join(sections) + "\n")
+    sections = [part.strip().removeprefix("### ") for part in old.split("\n### ") if part.strip()]
+    before = next((part.splitlines() for part in sections if part.startswith(lines[0][4:])), [])
+    if len(before) > 2 and before[2].split(",", 1)[1] == lines[2].split(",", 1)[1]:  # the same machine and versions
+        done = {row_key(line) for line in lines}
+        lines[6:] = sorted(lines[6:] + [line for line in before[6:] if row_key(line) not in done], key=row_key)
+    kept = [part for part in sections if not part.startswith(lines[0][4:])]
+    parts = ["\n".join(lines), *(f"### {part}" for part in kept)]
+    options.out.write_text(head + MARK + "\n\n" + "\n\n".join(parts) + "\n")
     print(f"written: {options.out}")
 
 
