@@ -171,10 +171,11 @@ class _Tangent:
         beams = scan.beams @ solution[:3, :3].T
         origin = transform(solution, scan.origin[None])
         faces, distance = surface.cast(np.broadcast_to(origin, beams.shape), beams)
-        hit = faces >= 0
-        ahead = np.where(hit, distance - scan.ranges, 0.0)
         normals = surface.face_normals[faces]
         cosine = -np.einsum("ij,ij->i", normals, beams)
+        faces[cosine <= 0.0] = -1  # only of an open model can a beam meet the back, where there is no surface
+        hit = faces >= 0
+        ahead = np.where(hit, distance - scan.ranges, 0.0)
         hits = beams
         hits *= (scan.ranges + ahead)[:, None]
         hits += origin

@@ -42,7 +42,7 @@ class Bone:
         model = prepare_model(self.model.vertices * flip, self.model.faces[:, ::-1])
         return Bone(f"mirrored {self.name}", model, self.centre * flip, self.axis * flip)
 
-    def shell(self, below_mm: float = 8.0) -> Bone:
+    def shell(self, below_mm: float = 0.0) -> Bone:
         """What lies below the plane of the socket's centre by so much, cut out: an open model."""
         inside = (self.model.vertices - self.centre) @ self.axis < -below_mm
         near = np.linalg.norm(self.model.vertices - self.centre, axis=1) < 31.0
