@@ -46,6 +46,9 @@ FACING = 0.05
 INSIDE_MM = 10.0
 """Residual that stands for "this cannot be"."""
 
+BESIDE_MM = 5.0
+"""Residual that stands for "no bone that is known"."""
+
 STEEP = 0.1
 """Smallest cosine that a residual along the beam is stretched by."""
 
@@ -165,6 +168,7 @@ class _Tangent:
     cosine: FloatArray
     stretch: FloatArray
     usable: BoolArray
+    open_model: bool
 
     @classmethod
     def at(cls, scan: Scan, surface: Surface, solution: FloatArray, allowed: BoolArray) -> _Tangent:
@@ -184,7 +188,8 @@ class _Tangent:
         moments = hits.T @ (hits - centre) / len(hits)
         stretch = 1.0 / np.maximum(cosine, STEEP)
         usable = allowed & hit & (cosine > FACING)
-        return cls(hits, centre, moments, faces, normals, ahead * cosine, rows, cosine, stretch, usable)
+        opened = bool(surface.border.any())
+        return cls(hits, centre, moments, faces, normals, ahead * cosine, rows, cosine, stretch, usable, opened)
 
     def residual(self, x: FloatArray) -> FloatArray:
         """Plane residuals (N,) after the motion `x` (6,)."""
@@ -200,8 +205,14 @@ class _Tangent:
         return (values * self.stretch).astype(np.float32)
 
     def likelihood(self, residual: FloatArray, sigma: FloatArray, around: Neighbours) -> float:
-        """Mean log likelihood a point; a beam that misses the model, or meets its back, cannot be."""
+        """Mean log likelihood a point.
+
+        A beam that misses a closed model, or grazes it, cannot be; one that passes by an open model ended on what the
+        model lacks, which is as likely as tissue.
+        """
         along = np.where(self.usable, self._along(residual), np.float32(-INSIDE_MM))
+        if self.open_model:
+            along[self.faces < 0] = BESIDE_MM
         return float(log_likelihood(along, self._along(sigma), around).mean(dtype=np.float64))
 
     def motion_mm(self, x: FloatArray) -> float:

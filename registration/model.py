@@ -130,7 +130,7 @@ def prepare_model(vertices: npt.ArrayLike, faces: npt.ArrayLike, *, name: str = 
     if (kept := kept_model(key, name)) is not None:
         return kept
     v, f, report = validated(given_vertices, given_faces)
-    surface = Surface(v, f)
+    surface = _surface(v, f, report)
     likeliest, *others = find_views(surface)
     cache.store(key, cache.Prepared(v, f, report, tuple(map(_place, (likeliest, *others))), likeliest.fields))
     return _model(surface, report, likeliest, others, name, key)
@@ -141,10 +141,15 @@ def kept_model(key: str, name: str) -> Model | None:
     prepared = cache.load(key)
     if prepared is None:
         return None
-    surface = Surface(prepared.vertices, prepared.faces)
+    surface = _surface(prepared.vertices, prepared.faces, prepared.report)
     likeliest, *others = (view_at(surface, *place) for place in prepared.places)
     likeliest = replace(likeliest, make=prepared.likeliest)
     return _model(surface, prepared.report, likeliest, others, name, key)
+
+
+def _surface(vertices: FloatArray, faces: IntArray, report: MeshReport) -> Surface:
+    """The surface; a border is looked for only where validation found one."""
+    return Surface(vertices, faces, None if report.open_edges else np.zeros(len(vertices), dtype=np.bool_))
 
 
 def _model(surface: Surface, report: MeshReport, likeliest: View, others: list[View], name: str, key: str) -> Model:

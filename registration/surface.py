@@ -50,15 +50,30 @@ class Surface:
     vertices : (V, 3) array
         mm.
     faces : (F, 3) array of int64
+    border : (V,) array of bool, optional
+        See the attribute; found in the faces when not given.
 
     Notes
     -----
     The sign follows the angle-weighted pseudonormal (Baerentzen and Aanaes, IEEE TVCG 11:243, 2005).
     """
 
-    def __init__(self, vertices: FloatArray, faces: IntArray) -> None:
+    def __init__(self, vertices: FloatArray, faces: IntArray, border: BoolArray | None = None) -> None:
         self.vertices = np.ascontiguousarray(vertices, dtype=np.float64)
         self.faces = np.ascontiguousarray(faces, dtype=np.int64)
+        self._given_border = border
+
+    @cached_property
+    def border(self) -> BoolArray:
+        """Vertices (V,) on the border of an open model; what was cut out of one keeps those, and gets no others."""
+        if self._given_border is not None:
+            return self._given_border
+        edges = np.sort(self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        key, times = np.unique(edges[:, 0] * len(self.vertices) + edges[:, 1], return_counts=True)
+        on = np.zeros(len(self.vertices), dtype=np.bool_)
+        for ends in np.divmod(key[times == 1], len(self.vertices)):
+            on[ends] = True
+        return on
 
     @cached_property
     def _normals_and_areas(self) -> tuple[FloatArray, FloatArray]:
@@ -194,15 +209,8 @@ class Surface:
         return np.asarray(found, dtype=np.float64)
 
     def _pseudonormals(self, faces: IntArray, foot: FloatArray) -> FloatArray:
-        corners = self.vertices[self.faces[faces]]
         normals = self.face_normals[faces].copy()
-        area = 2.0 * self.face_areas[faces]
-        share = np.empty((len(faces), 3))
-        for k in range(3):
-            edge = corners[:, (k + 2) % 3] - corners[:, (k + 1) % 3]
-            across = np.cross(edge, foot - corners[:, (k + 1) % 3])
-            share[:, k] = np.einsum("ij,ij->i", across, self.face_normals[faces]) / area
-        zero = share < 1e-9
+        zero = self._off_edges(faces, foot)
         count = zero.sum(axis=1)
         on_edge, on_corner = np.flatnonzero(count == 1), np.flatnonzero(count == 2)
         normals[on_edge] = self.edge_normals[faces[on_edge], zero[on_edge].argmax(axis=1)]
@@ -210,8 +218,26 @@ class Surface:
         normals[on_corner] = self.vertex_normals[self.faces[faces[on_corner], corner]]
         return normals
 
+    def beyond_border(self, found: Closest) -> BoolArray:
+        """Points (N,) beyond the border of an open model: on the border lies what is closest to them."""
+        if not self.border.any():
+            return np.zeros(len(found.faces), dtype=np.bool_)
+        zero = self._off_edges(found.faces, found.points)
+        return np.asarray(zero.any(axis=1) & (self.border[self.faces[found.faces]] | zero).all(axis=1))
+
+    def _off_edges(self, faces: IntArray, foot: FloatArray) -> BoolArray:
+        """Corners (N, 3) of the faces whose share in the feet (N, 3) is nil: one on an edge, two on a corner."""
+        corners = self.vertices[self.faces[faces]]
+        area = 2.0 * self.face_areas[faces]
+        share = np.empty((len(faces), 3))
+        for k in range(3):
+            edge = corners[:, (k + 2) % 3] - corners[:, (k + 1) % 3]
+            across = np.cross(edge, foot - corners[:, (k + 1) % 3])
+            share[:, k] = np.einsum("ij,ij->i", across, self.face_normals[faces]) / area
+        return share < 1e-9
+
 
 def part(surface: Surface, keep: BoolArray) -> Surface:
     """Return the faces of `surface` marked in `keep` (F,) as a surface of their own."""
     used, flat = np.unique(surface.faces[keep], return_inverse=True)
-    return Surface(surface.vertices[used], flat.reshape(-1, 3).astype(np.int64))
+    return Surface(surface.vertices[used], flat.reshape(-1, 3).astype(np.int64), surface.border[used])

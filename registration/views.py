@@ -124,7 +124,7 @@ def _whole_view(surface: Surface) -> View:
 
 
 def _whole_fields(surface: Surface, centre: FloatArray) -> Fields:
-    moved = Surface(surface.vertices - centre, surface.faces)
+    moved = Surface(surface.vertices - centre, surface.faces, surface.border)
     low, high = moved.vertices.min(axis=0), moved.vertices.max(axis=0)
     step = max(1.0, float((high - low).max()) / WHOLE_STEPS)
     return build_fields(moved, low - MARGIN_MM, high + MARGIN_MM, step_mm=step)
@@ -209,7 +209,7 @@ def _shell_fields(surface: Surface, centre: FloatArray, axis: FloatArray, reach:
         raise StartError("the start pose aims beside the model: no part of it is within reach of the points")
     cropped = part(surface, asked)
     shell = visible_shell(surface, axis, SHELL_CONE_DEG, only=cropped)
-    shell = Surface(shell.vertices - centre, shell.faces)
+    shell = Surface(shell.vertices - centre, shell.faces, shell.border)
     low, high = np.maximum(shell.vertices.min(axis=0), -reach), np.minimum(shell.vertices.max(axis=0), reach)
     return build_fields(shell, low - MARGIN_MM, high + MARGIN_MM)
 

@@ -9,8 +9,9 @@ import pytest
 import trimesh
 
 import registration
+from registration.field import build_fields
 from registration.mesh import signed_volume
-from registration.surface import Surface
+from registration.surface import Surface, part
 from registration.visibility import visible_shell
 
 CUBE = np.array([[x, y, z] for x in (0, 10) for y in (0, 10) for z in (0, 10)], dtype=float)
@@ -141,3 +142,36 @@ def test_curvatures_of_a_cylinder_are_kept_on_disk(tmp_path: Path, monkeypatch: 
     again = registration.prepare_model(np.asarray(tube.vertices), np.asarray(tube.faces))
     np.testing.assert_array_equal(again.curvatures, model.curvatures)
     assert kept.exists()
+
+
+def test_beyond_the_border_of_an_open_model_its_field_says_nothing() -> None:
+    """A plate: above it distances and normals, beside it a positive distance and no direction, on either side."""
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(-10.0, 10.0, 11), np.linspace(-10.0, 10.0, 11), indexing="ij"))
+    a = (np.arange(10)[:, None] * 11 + np.arange(10)).ravel()
+    faces = np.concatenate([np.stack([a, a + 11, a + 12], axis=1), np.stack([a, a + 12, a + 1], axis=1)])
+    plate = Surface(np.stack([x, y, 0.0 * x], axis=1), faces)
+    assert plate.border.sum() == 40
+    fine, coarse = build_fields(plate, np.full(3, -20.0), np.full(3, 20.0))
+    above = np.array([[3.0, -2.0, 1.0], [0.0, 4.0, -1.5]]).T.astype(np.float32)
+    beside = np.array([[14.0, 0.0, 1.0], [14.0, 3.0, -1.0], [-13.0, -13.0, -2.0]]).T.astype(np.float32)
+    for field in (fine, coarse):
+        distance, gradient = field.sample(above)
+        np.testing.assert_allclose(distance, [1.0, -1.5], atol=1e-5)
+        np.testing.assert_allclose(gradient, [[0.0, 0.0, 1.0]] * 2, atol=1e-5)
+        distance, gradient = field.sample(beside)
+        assert (distance > 2.0).all()
+        assert not gradient.any()
+
+
+def test_a_part_keeps_the_border_of_the_whole_and_gets_no_other() -> None:
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(5.0), np.arange(5.0), indexing="ij"))
+    a = (np.arange(4)[:, None] * 5 + np.arange(4)).ravel()
+    faces = np.concatenate([np.stack([a, a + 5, a + 6], axis=1), np.stack([a, a + 6, a + 1], axis=1)])
+    plate = Surface(np.stack([x, y, 0.0 * x], axis=1), faces)
+    half = part(plate, plate.vertices[plate.faces][:, :, 0].max(axis=1) < 2.5)
+    cut = half.vertices[:, 0] == 2.0
+    inside = (half.vertices[:, 1] > 0.0) & (half.vertices[:, 1] < 4.0)
+    assert not half.border[cut & inside].any()
+    assert half.border[half.vertices[:, 0] == 0.0].all()
+    cube = registration.prepare_model(CUBE, CUBE_FACES)
+    assert not cube.surface.border.any()

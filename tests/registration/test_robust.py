@@ -63,20 +63,21 @@ def test_steep_walls_bias_nothing(socket: registration.Model, scan_of: Callable[
     assert np.sqrt(np.mean(np.square(turns))) < 1.4 * np.mean(predicted)
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_points_beside_an_open_model_do_not_lie_inside_bone(
-    socket: registration.Model, scan_of: Callable[..., Any], seed: int
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("cut_mm", [-7.0, -2.0])
+def test_a_scan_that_reaches_beyond_a_cut_out_shell_is_found(
+    socket: registration.Model, scan_of: Callable[..., Any], seed: int, cut_mm: float
 ) -> None:
-    """Beams that pass by the border of a cut-out shell say nothing about bone, on whichever side of it they end."""
+    """Beams that pass by the border say nothing about bone, on whichever side of it they end."""
     corners = socket.vertices[socket.faces]
-    inner = (corners[:, :, 2].max(axis=1) < -7.0) & (np.linalg.norm(corners.mean(axis=1), axis=1) < 31.0)
+    inner = (corners[:, :, 2].max(axis=1) < cut_mm) & (np.linalg.norm(corners.mean(axis=1), axis=1) < 31.0)
     shell = registration.prepare_model(socket.vertices, socket.faces[inner])
     scan = scan_of(socket, 40 + seed)
     found = registration.register(scan.points, shell, grid=scan.grid)
     error = registration.pose_error(found.model_from_scanner, scan.truth, np.zeros(3))
     assert error.rotation_deg < 0.5
     assert error.translation_mm < 0.2
-    assert 0.5 < found.inliers.mean() < 0.95
+    assert 0.5 < found.inliers.mean() < 0.98
     assert found.verdict == "pass", found.reasons
 
 
