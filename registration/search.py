@@ -77,8 +77,8 @@ class Search:
     def __init__(self, scan: Scan, model: Model, sigma_mm: float, cone: Cone = ANYWHERE) -> None:
         self.scan, self.model, self.sigma_mm, self.cone = scan, model, sigma_mm, cone
         self.towards = _unit(-scan.beams.mean(axis=0))
-        self.middle = np.asarray(scan.points.mean(axis=0), dtype=np.float64)
         self.trials = Trials(scan, sigma_mm)
+        self.middle = self.trials.middle
 
     @cached_property
     def centres(self) -> list[list[FloatArray]]:
@@ -141,8 +141,10 @@ class Search:
         return merged(found, inside, self.middle, bonus)
 
     def _turned(self, best: Candidate) -> list[Candidate]:
-        """The pose turned by quarters about the principal axes of the whole model: manufactured bodies are symmetric,
-        and a twin that no race happened to reach makes a pose no less ambiguous."""
+        """The pose turned by quarters about the principal axes of the whole model.
+
+        Manufactured bodies are symmetric, and a twin that no race happened to reach makes a pose no less ambiguous.
+        """
         centroid, axes = self.model.surface.principal_frame
         quarters = [k * np.pi / 2.0 * axis for axis in axes.T for k in (1.0, 2.0, 3.0)]
         turns = [small_motion(np.concatenate([turn, np.zeros(3)]), centroid) for turn in quarters]
