@@ -32,7 +32,7 @@ from registration.field import DistanceField
 from registration.mesh import MeshReport
 from registration.views import Fields
 
-VERSION = 6
+VERSION = 7
 """Raised whenever the reading of mesh files, their preparation or the layout here changes."""
 
 HollowPlace = tuple[FloatArray, float, FloatArray, bool]

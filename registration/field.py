@@ -100,12 +100,25 @@ def build_fields(
 
 
 def _halved(field: DistanceField, shape: tuple[int, int, int]) -> Float32Array:
-    """Nodes (n, 4) at half the step over `shape`: each follows to first order from the node at or just before it."""
-    given = field.nodes.reshape(*field.shape, 4)
-    nodes = np.empty((*shape, 4), dtype=np.float32)
-    for offset in np.ndindex(2, 2, 2):
-        place = nodes[offset[0] :: 2, offset[1] :: 2, offset[2] :: 2]
-        place[:] = given[tuple(slice(n) for n in place.shape[:3])]
-        for axis in np.flatnonzero(offset):
-            place[..., 0] += np.float32(field.step_mm / 2.0) * place[..., 1 + axis]
-    return nodes.reshape(-1, 4)
+    """Nodes (n, 4) at half the step over `shape`, from those on both sides of them, axis after axis.
+
+    Between two nodes the distance is that of the cubic through their values and slopes (Hermite), the gradient is the
+    mean of theirs. A node at the far end that has none beyond it follows the last one to first order.
+    """
+    step = np.float32(field.step_mm)
+    nodes = field.nodes.reshape(*field.shape, 4)
+    for axis in range(3):
+        given = np.moveaxis(nodes, axis, 0)
+        halved = np.empty((shape[axis], *given.shape[1:]), dtype=np.float32)
+        even, odd = halved[0::2], halved[1::2]
+        even[:] = given[: len(even)]
+        between = min(len(odd), len(given) - 1)
+        before, after = given[:between], given[1 : between + 1]
+        np.add(before, after, out=odd[:between])
+        odd[:between] *= np.float32(0.5)
+        odd[:between, ..., 0] += (before[..., 1 + axis] - after[..., 1 + axis]) * (step / np.float32(8.0))
+        if between < len(odd):
+            odd[between:] = given[between]
+            odd[between:, ..., 0] += step / np.float32(2.0) * given[between, ..., 1 + axis]
+        nodes = np.moveaxis(halved, 0, axis)
+    return np.ascontiguousarray(nodes).reshape(-1, 4)

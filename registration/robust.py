@@ -7,6 +7,8 @@ over neighbourhoods and ranked by likelihood, (5) symmetric steps on cast beams 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from registration._types import FloatArray
@@ -63,13 +65,20 @@ def register_robust(
 def register_beside(scan: Scan, model: Model, solved: FloatArray, regions: FloatArray) -> Solution:
     """Register a scan beside a pose (4, 4) that was found with other points of it; regions as above."""
     search = Search(scan, model, initial_noise(scan, None))
-    return _finished(search, search.beside(solved), regions, noise_known=scan.noise_known, sure=True)
+    candidates = search.beside(solved)
+    return _finished(search, candidates, regions, noise_known=scan.noise_known, sure=True, also=[solved])
 
 
 def _finished(
-    search: Search, candidates: list[Candidate], regions: FloatArray, *, noise_known: bool, sure: bool
+    search: Search,
+    candidates: list[Candidate],
+    regions: FloatArray,
+    *,
+    noise_known: bool,
+    sure: bool,
+    also: Sequence[FloatArray] = (),
 ) -> Solution:
-    """Finish the likeliest candidates on all points, and take the best."""
+    """Finish the likeliest candidates, and poses (4, 4) `also`, on all points, and take the best."""
     scan = search.scan
 
     def finished(start: FloatArray, points: Scan) -> Final:
@@ -77,9 +86,8 @@ def _finished(
         noise = NoiseModel(search.sigma_mm)
         return exact_finish(points, search.model.surface, start, noise, points.around, allowed, noise_known=noise_known)
 
-    most, within = (WHOLE_FINISHED, WHOLE_WITHIN) if candidates[0].view.whole else (FINISHED, WITHIN)
-    least = candidates[0].log_likelihood - within / len(search.trials.thin)
-    starts = [c.model_from_scanner for c in candidates[:most] if c.log_likelihood >= least]
+    chosen, others = _worth_a_finish(candidates, len(search.trials.thin))
+    starts = [*(c.model_from_scanner for c in chosen), *also]
     if search.trials.thin is not scan:
         starts = [finished(s, search.trials.thin).model_from_scanner for s in starts]
     finals = [finished(s, scan) for s in starts]
@@ -87,7 +95,7 @@ def _finished(
     final = max(walk, key=lambda f: f.log_likelihood)
     ends = [(f.model_from_scanner, f.log_likelihood) for f in (*finals, *walk[1:])]
     offset = finals[0].log_likelihood - candidates[0].log_likelihood
-    ends += [(c.model_from_scanner, c.log_likelihood + offset) for c in candidates[len(finals) :]]
+    ends += [(c.model_from_scanner, c.log_likelihood + offset) for c in others]
     best = final.model_from_scanner
     return Solution(
         model_from_scanner=final.model_from_scanner,
@@ -102,6 +110,19 @@ def _finished(
         sure=sure,
         beside=ends_beside(final, walk, len(scan)),
     )
+
+
+def _worth_a_finish(candidates: list[Candidate], points: int) -> tuple[list[Candidate], list[Candidate]]:
+    """Candidates that are finished, the likeliest first, and the others.
+
+    Those nearly as likely as the best on the fields of the search; and the one that most starts ended at, for fields
+    can flatter a wrong pose by more than that.
+    """
+    most, within = (WHOLE_FINISHED, WHOLE_WITHIN) if candidates[0].view.whole else (FINISHED, WITHIN)
+    least = candidates[0].log_likelihood - within / points
+    favourite = max(candidates, key=lambda c: c.hits)
+    chosen = [c for k, c in enumerate(candidates) if (k < most and c.log_likelihood >= least) or c is favourite]
+    return chosen, [c for c in candidates if not any(c is other for other in chosen)]
 
 
 def rivals_of(best: FloatArray, ends: list[tuple[FloatArray, float]], middle: FloatArray) -> list[Rival]:

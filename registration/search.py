@@ -13,7 +13,7 @@ from registration.cone import ANYWHERE, Cone, rotations_within
 from registration.errors import StartError
 from registration.minima import SURE_HITS, Candidate, merged
 from registration.model import Model
-from registration.race import HEATS, NEAR_HEATS, PATIENT_HEATS, shuffle, telling_order
+from registration.race import HEATS, NEAR_HEATS, PATIENT_HEATS, Heat, shuffle, telling_order
 from registration.rigid import inverse, small_motion, transform
 from registration.scan import Scan
 from registration.seeds import rotations_near
@@ -201,8 +201,10 @@ class Search:
             order = shuffle(len(self.scan), draw)
             if near:
                 order = telling_order(self.scan.points, anchors[0], view.radius_mm, draw)
-            found = merged(found, self.trials.raced(view, anchors[0], order, rotations, shifts, HEATS), self.middle)
-            if found[0].hits >= SURE_HITS:
+            found = merged(
+                found, self.trials.raced(view, anchors[0], order, rotations, shifts, _heats(draw)), self.middle
+            )
+            if self._margin(found) > CLEAR or (draw > 0 and self.sure(found)):
                 break
         return found
 
@@ -216,8 +218,7 @@ class Search:
             return self.trials.raced(view, centres[0], order, rotations, shifts, PATIENT_HEATS)
         shifts = _shifts(rotations, np.array(centres))
         order = telling_order(self.scan.points, centres[0], view.radius_mm, draw)
-        heats = HEATS if draw < PATIENT_DRAW else PATIENT_HEATS
-        return self.trials.raced(view, centres[0], order, rotations, shifts, heats)
+        return self.trials.raced(view, centres[0], order, rotations, shifts, _heats(draw))
 
     def _rotations(self, view: View, draw: int) -> FloatArray:
         """Rotations (K, 3, 3) of a race: those that show the view, and that the scanner may look from."""
@@ -235,6 +236,10 @@ class Search:
                 return view
         reach = float(np.linalg.norm(aimed - middle, axis=1).max()) + 15.0
         return self.model.view_of(Place.of(middle, towards, reach))
+
+
+def _heats(draw: int) -> tuple[Heat, ...]:
+    return HEATS if draw < PATIENT_DRAW else PATIENT_HEATS
 
 
 def _shifts(rotations: FloatArray, anchors: FloatArray) -> FloatArray:

@@ -175,3 +175,18 @@ def test_a_part_keeps_the_border_of_the_whole_and_gets_no_other() -> None:
     assert half.border[half.vertices[:, 0] == 0.0].all()
     cube = registration.prepare_model(CUBE, CUBE_FACES)
     assert not cube.surface.border.any()
+
+
+def test_fields_are_good_where_points_are_looked_for(socket: registration.Model) -> None:
+    """Exact near the surface, interpolated from steps of 4 mm farther off, as far as tissue stands in front of bone."""
+    view = socket.views[0]
+    shell = visible_shell(socket.surface, view.axis, 30.0)
+    rng = np.random.default_rng(0)
+    at = view.centre + rng.uniform(-24.0, 24.0, (20_000, 3))
+    at = at[(at - view.centre) @ view.axis < 0.0]
+    exact = shell.closest(at)
+    for field, limits in ((view.fine, (0.08, 0.2, 1.0)), (view.coarse, (0.15, 0.25, 1.5))):
+        error = np.abs(field.sample((at - view.centre).T.astype(np.float32))[0] - exact.signed_mm)
+        for (near, far), limit in zip(((0.0, 1.0), (1.0, 3.0), (3.0, 9.0)), limits, strict=True):
+            there = (np.abs(exact.signed_mm) >= near) & (np.abs(exact.signed_mm) < far)
+            assert np.sqrt(np.mean(error[there] ** 2)) < limit, (field.step_mm, near, far)
