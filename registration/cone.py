@@ -41,12 +41,13 @@ class Cone:
             raise StartError(
                 f"a cone has three numbers towards the scanner and a half angle in deg ({error})"
             ) from error
-        length = float(np.linalg.norm(towards))
-        if not (np.isfinite(length) and length > 0.0):
+        largest = float(np.abs(towards).max())
+        if not (np.isfinite(largest) and largest > 0.0):
             raise StartError(f"the cone's axis {towards.tolist()} is no direction: give three numbers, not all zero")
+        towards = towards / largest
         if not 0.0 < half <= 180.0:
             raise StartError(f"the cone's half angle is {half} deg: give more than 0 and at most 180")
-        object.__setattr__(self, "towards", towards / length)
+        object.__setattr__(self, "towards", towards / np.linalg.norm(towards))
         object.__setattr__(self, "half_angle_deg", half)
 
     @classmethod

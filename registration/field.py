@@ -103,7 +103,7 @@ def _halved(field: DistanceField, shape: tuple[int, int, int]) -> Float32Array:
     """Nodes (n, 4) at half the step over `shape`, from those on both sides of them, axis after axis.
 
     Between two nodes the distance is that of the cubic through their values and slopes (Hermite), the gradient is the
-    mean of theirs. A node at the far end that has none beyond it follows the last one to first order.
+    mean of theirs.
     """
     step = np.float32(field.step_mm)
     nodes = field.nodes.reshape(*field.shape, 4)
@@ -112,13 +112,9 @@ def _halved(field: DistanceField, shape: tuple[int, int, int]) -> Float32Array:
         halved = np.empty((shape[axis], *given.shape[1:]), dtype=np.float32)
         even, odd = halved[0::2], halved[1::2]
         even[:] = given[: len(even)]
-        between = min(len(odd), len(given) - 1)
-        before, after = given[:between], given[1 : between + 1]
-        np.add(before, after, out=odd[:between])
-        odd[:between] *= np.float32(0.5)
-        odd[:between, ..., 0] += (before[..., 1 + axis] - after[..., 1 + axis]) * (step / np.float32(8.0))
-        if between < len(odd):
-            odd[between:] = given[between]
-            odd[between:, ..., 0] += step / np.float32(2.0) * given[between, ..., 1 + axis]
+        before, after = given[: len(odd)], given[1 : len(odd) + 1]
+        np.add(before, after, out=odd)
+        odd *= np.float32(0.5)
+        odd[..., 0] += (before[..., 1 + axis] - after[..., 1 + axis]) * (step / np.float32(8.0))
         nodes = np.moveaxis(halved, 0, axis)
     return np.ascontiguousarray(nodes).reshape(-1, 4)

@@ -22,6 +22,9 @@ from registration.scan import checked_scan
 from registration.start import Start, checked_start
 from registration.verdict import Tolerance
 
+LEAST_NOISE_MM, MOST_NOISE_MM = 1e-3, 100.0
+"""Range noise that can be given."""
+
 
 def register(
     points: npt.ArrayLike,
@@ -66,7 +69,7 @@ def register(
     targets : (M, 3) array or list of dicts, optional
         Points of the model frame where the error matters, mm; dicts hold "position" and "name".
     noise_mm : float, optional
-        Range noise of a point; estimated from the residuals when not given.
+        Range noise of a point, 0.001 to 100 mm; estimated from the residuals when not given.
     range_bias_mm : float
         Common range error to budget for at the targets.
     exclude : list of dicts, optional
@@ -86,8 +89,10 @@ def register(
         One of its family (points, start, degenerate geometry), saying what was found and what to do.
     """
     scan = checked_scan(points, origin=origin, covariance=covariance, response_mv=response_mv, grid=grid)
-    if noise_mm is not None and not (np.isfinite(noise_mm) and noise_mm > 0):
-        raise RegistrationError(f"noise_mm is {noise_mm}: give a positive number of mm, or leave it out")
+    if noise_mm is not None and not LEAST_NOISE_MM <= noise_mm <= MOST_NOISE_MM:
+        raise RegistrationError(
+            f"noise_mm is {noise_mm}: give a number from {LEAST_NOISE_MM:g} to {MOST_NOISE_MM:g} mm, or leave it out"
+        )
     check_targets(targets)
     if scan.covariance is None and scan.response_mv is not None:
         scan = weighted_by_response(scan, noise_mm)

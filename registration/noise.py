@@ -12,6 +12,9 @@ from registration.scan import Scan
 TYPICAL_RANGE_MM = 0.4
 """Range noise of a point averaged over 8 sweeps, assumed until the residuals tell."""
 
+PLAUSIBLE_RANGE_MM = (0.02, 5.0)
+"""Range noise of any instrument that this is for: what is found beyond it is taken for the nearer end."""
+
 MIN_RESIDUALS = 20
 """Fewer residuals cannot tell their scale."""
 
@@ -55,11 +58,11 @@ class NoiseModel:
             cosine2 = np.einsum("ij,ij->i", in_scanner, scan.beams) ** 2
             range_mm = self.range_mm if scan.range_sd_mm is None else scan.range_sd_mm
             variance = range_mm**2 * cosine2 + self.lateral_mm**2 * (1.0 - cosine2)
-        return np.asarray(np.sqrt(variance + self.model_mm**2), dtype=np.float64)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0) + self.model_mm**2), dtype=np.float64)
 
 
 def estimated_range_noise(along_beam_mm: FloatArray, otherwise_mm: float) -> float:
     """Range noise from residuals along the beam (MAD scale); `otherwise_mm` when there are too few to tell."""
     if len(along_beam_mm) < MIN_RESIDUALS:
         return otherwise_mm
-    return float(np.clip(1.4826 * np.median(np.abs(along_beam_mm)), 0.02, 5.0))
+    return float(np.clip(1.4826 * np.median(np.abs(along_beam_mm)), *PLAUSIBLE_RANGE_MM))

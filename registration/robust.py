@@ -18,7 +18,7 @@ from registration.exclusion import outside_regions
 from registration.finish import Final, exact_finish
 from registration.minima import SAME_DEG, SAME_MM, Candidate, difference
 from registration.model import Model
-from registration.noise import TYPICAL_RANGE_MM, NoiseModel
+from registration.noise import PLAUSIBLE_RANGE_MM, TYPICAL_RANGE_MM, NoiseModel
 from registration.result import Rival
 from registration.rigid import transform
 from registration.scan import Scan
@@ -142,8 +142,9 @@ def initial_noise(scan: Scan, noise_mm: float | None) -> float:
     if noise_mm is not None:
         return noise_mm
     if scan.range_sd_mm is not None:
-        return float(np.median(scan.range_sd_mm))
+        return float(np.clip(np.median(scan.range_sd_mm), *PLAUSIBLE_RANGE_MM))
     if scan.covariance is not None:
-        return float(np.sqrt(np.median(np.einsum("ni,nij,nj->n", scan.beams, scan.covariance, scan.beams))))
+        along = np.einsum("ni,nij,nj->n", scan.beams, scan.covariance, scan.beams)
+        return float(np.clip(np.sqrt(max(0.0, float(np.median(along)))), *PLAUSIBLE_RANGE_MM))
     found = raster_noise(scan)
     return float(np.clip(0.65 * found, 0.1, 2.0)) if np.isfinite(found) else TYPICAL_RANGE_MM

@@ -166,6 +166,9 @@ def checked_scan(
     checked_covariance = None
     if covariance is not None:
         checked_covariance = _sized(covariance, (len(p), 3, 3), "covariance")
+        largest = np.abs(checked_covariance).max(axis=(1, 2))
+        if (np.abs(checked_covariance - checked_covariance.transpose(0, 2, 1)).max(axis=(1, 2)) > 1e-6 * largest).any():
+            raise PointsError("covariance holds a matrix that is not symmetric")
         variances = np.linalg.eigvalsh(checked_covariance)
         if (variances[:, 0] < -1e-9 * variances[:, 2]).any() or variances[:, 2].min() <= 0.0:
             raise PointsError("covariance holds a matrix with a negative variance, or with none at all: leave it out")

@@ -33,6 +33,8 @@ SHELL_CONE_DEG = 30.0
 """A shell holds what can be seen from directions within this angle of the view's axis."""
 
 
+BESIDE = "the start pose aims beside the model: no part of it is within reach of the points"
+
 SEEN_RADII = 1.2
 """A socket's scan reaches so many radii from its centre."""
 
@@ -206,11 +208,13 @@ def _shell_fields(surface: Surface, centre: FloatArray, axis: FloatArray, reach:
     span = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
     asked = np.linalg.norm(middle - centre, axis=1) < reach + MARGIN_MM + span
     if not asked.any():
-        raise StartError("the start pose aims beside the model: no part of it is within reach of the points")
+        raise StartError(BESIDE)
     cropped = part(surface, asked)
     shell = visible_shell(surface, axis, SHELL_CONE_DEG, only=cropped)
     shell = Surface(shell.vertices - centre, shell.faces, shell.border)
     low, high = np.maximum(shell.vertices.min(axis=0), -reach), np.minimum(shell.vertices.max(axis=0), reach)
+    if (low > high).any():  # of large faces the middles may be near enough, and no corner on this side
+        raise StartError(BESIDE)
     return build_fields(shell, low - MARGIN_MM, high + MARGIN_MM)
 
 

@@ -99,6 +99,8 @@ def test_the_twin_is_told_where_no_cone_excludes_it() -> None:
 def test_a_cone_is_made_a_unit_vector_and_checked() -> None:
     cone = Cone([0.0, 0.0, 10.0], 20)  # type: ignore[arg-type]
     np.testing.assert_array_equal(cone.towards, UP)
+    for length in (1e-200, 1e200):
+        np.testing.assert_array_equal(Cone(np.array([0.0, 0.0, length]), 20.0).towards, UP)
     for towards, half in (([0, 0, 1], np.nan), ([0, 0, 1], -5.0), ([0, 0, 1], 400.0), ([[0, 1]], 20.0)):
         with pytest.raises(registration.StartError):
             Cone(np.array(towards, dtype=float), half)

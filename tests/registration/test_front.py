@@ -89,3 +89,45 @@ def test_covariances_and_responses_are_carried_into_the_weights(
     rms = {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in errors.items()}
     assert rms["covariances"] < 0.8 * rms["points"]
     assert rms["responses"] < 0.8 * rms["points"]
+
+
+@pytest.mark.parametrize("direction", ["along", "across"])
+@pytest.mark.parametrize("size_mm", [1e-15, 0.2])
+def test_covariances_of_rank_one_are_taken(
+    socket: registration.Model, scan_of: Callable[..., Any], direction: str, size_mm: float
+) -> None:
+    scan = scan_of(socket, 0, n=30)
+    axis = scan.points / np.linalg.norm(scan.points, axis=1, keepdims=True)
+    if direction == "across":
+        axis = np.cross(axis, [1.0, 0.0, 0.0])
+        axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    covariance = size_mm**2 * np.einsum("ni,nj->nij", axis, axis)
+    found = registration.register(scan.points, socket, grid=scan.grid, covariance=covariance)
+    assert np.isfinite(found.covariance).all()
+
+
+def test_a_covariance_that_is_none_is_refused(socket: registration.Model, scan_of: Callable[..., Any]) -> None:
+    scan = scan_of(socket, 0, n=12)
+    lopsided = np.tile(0.04 * np.eye(3), (len(scan.points), 1, 1))
+    lopsided[:, 0, 2] = -50.0
+    for covariance, said in ((lopsided, "not symmetric"), (0.0 * lopsided, "none at all"), (-lopsided, "symmetric")):
+        with pytest.raises(registration.PointsError, match=said):
+            registration.register(scan.points, socket, covariance=covariance)
+
+
+@pytest.mark.parametrize("noise_mm", [0.0, -1.0, 1e-30, 1e200, float("nan")])
+def test_a_noise_that_no_instrument_has_is_refused(
+    socket: registration.Model, scan_of: Callable[..., Any], noise_mm: float
+) -> None:
+    with pytest.raises(registration.RegistrationError, match="noise_mm"):
+        registration.register(scan_of(socket, 0, n=12).points, socket, noise_mm=noise_mm)
+
+
+def test_a_start_beside_a_large_face_is_refused(scan_of: Callable[..., Any], socket: registration.Model) -> None:
+    """The middle of the face is near enough, but all of it lies on another side."""
+    corners = np.array([[120.0, -150.0, 0.0], [120.0, 150.0, 0.0], [400.0, 0.0, 0.0]])
+    triangle = registration.prepare_model(corners, np.array([[0, 2, 1]]))
+    start = np.diag([1.0, -1.0, -1.0, 1.0])
+    start[2, 3] = 900.0
+    with pytest.raises(registration.StartError, match="beside the model"):
+        registration.register(scan_of(socket, 0, n=12).points, triangle, start=start)
