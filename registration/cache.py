@@ -32,7 +32,7 @@ from registration.field import DistanceField
 from registration.mesh import MeshReport
 from registration.views import Fields
 
-VERSION = 7
+VERSION = 8
 """Raised whenever the reading of mesh files, their preparation or the layout here changes."""
 
 HollowPlace = tuple[FloatArray, float, FloatArray, bool]

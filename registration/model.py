@@ -149,7 +149,7 @@ def kept_model(key: str, name: str) -> Model | None:
 
 def _surface(vertices: FloatArray, faces: IntArray, report: MeshReport) -> Surface:
     """The surface; a border is looked for only where validation found one."""
-    return Surface(vertices, faces, None if report.open_edges else np.zeros(len(vertices), dtype=np.bool_))
+    return Surface(vertices, faces, None if report.open_edges else np.zeros(faces.shape, dtype=np.bool_))
 
 
 def _model(surface: Surface, report: MeshReport, likeliest: View, others: list[View], name: str, key: str) -> Model:

@@ -50,7 +50,7 @@ class Surface:
     vertices : (V, 3) array
         mm.
     faces : (F, 3) array of int64
-    border : (V,) array of bool, optional
+    border : (F, 3) array of bool, optional
         See the attribute; found in the faces when not given.
 
     Notes
@@ -65,14 +65,24 @@ class Surface:
 
     @cached_property
     def border(self) -> BoolArray:
-        """Vertices (V,) on the border of an open model; what was cut out of one keeps those, and gets no others."""
+        """Edges (F, 3), each opposite a face's corner, on the border of an open model.
+
+        What was cut out of a model keeps those, and gets no others.
+        """
         if self._given_border is not None:
             return self._given_border
-        edges = np.sort(self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        key, times = np.unique(edges[:, 0] * len(self.vertices) + edges[:, 1], return_counts=True)
+        pairs = np.sort(self.faces[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2), axis=1)
+        key = pairs[:, 0] * len(self.vertices) + pairs[:, 1]
+        _, edge, times = np.unique(key, return_inverse=True, return_counts=True)
+        return np.asarray((times[edge] == 1).reshape(-1, 3))
+
+    @cached_property
+    def _border_vertices(self) -> BoolArray:
         on = np.zeros(len(self.vertices), dtype=np.bool_)
-        for ends in np.divmod(key[times == 1], len(self.vertices)):
-            on[ends] = True
+        for k in range(3):
+            edges = self.faces[self.border[:, k]]
+            on[edges[:, (k + 1) % 3]] = True
+            on[edges[:, (k + 2) % 3]] = True
         return on
 
     @cached_property
@@ -223,7 +233,10 @@ class Surface:
         if not self.border.any():
             return np.zeros(len(found.faces), dtype=np.bool_)
         zero = self._off_edges(found.faces, found.points)
-        return np.asarray(zero.any(axis=1) & (self.border[self.faces[found.faces]] | zero).all(axis=1))
+        count = zero.sum(axis=1)
+        on_edge = self.border[found.faces, zero.argmax(axis=1)] & (count == 1)
+        corner = self.faces[found.faces, (~zero).argmax(axis=1)]
+        return np.asarray(on_edge | (self._border_vertices[corner] & (count == 2)))
 
     def _off_edges(self, faces: IntArray, foot: FloatArray) -> BoolArray:
         """Corners (N, 3) of the faces whose share in the feet (N, 3) is nil: one on an edge, two on a corner."""
@@ -240,4 +253,4 @@ class Surface:
 def part(surface: Surface, keep: BoolArray) -> Surface:
     """Return the faces of `surface` marked in `keep` (F,) as a surface of their own."""
     used, flat = np.unique(surface.faces[keep], return_inverse=True)
-    return Surface(surface.vertices[used], flat.reshape(-1, 3).astype(np.int64), surface.border[used])
+    return Surface(surface.vertices[used], flat.reshape(-1, 3).astype(np.int64), surface.border[keep])

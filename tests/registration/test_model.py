@@ -169,10 +169,10 @@ def test_a_part_keeps_the_border_of_the_whole_and_gets_no_other() -> None:
     faces = np.concatenate([np.stack([a, a + 5, a + 6], axis=1), np.stack([a, a + 6, a + 1], axis=1)])
     plate = Surface(np.stack([x, y, 0.0 * x], axis=1), faces)
     half = part(plate, plate.vertices[plate.faces][:, :, 0].max(axis=1) < 2.5)
-    cut = half.vertices[:, 0] == 2.0
-    inside = (half.vertices[:, 1] > 0.0) & (half.vertices[:, 1] < 4.0)
-    assert not half.border[cut & inside].any()
-    assert half.border[half.vertices[:, 0] == 0.0].all()
+    assert plate.border.sum() == 16
+    assert half.border.sum() == 8, "four edges on the far side, two and two beside; none along the cut"
+    beside = half.closest(np.array([[1.0, -2.0, 0.5], [-2.0, 2.5, 0.5], [3.0, 2.5, 0.5], [1.2, 1.3, 0.5]]))
+    assert half.beyond_border(beside).tolist() == [True, True, False, False]
     cube = registration.prepare_model(CUBE, CUBE_FACES)
     assert not cube.surface.border.any()
 
@@ -190,3 +190,11 @@ def test_fields_are_good_where_points_are_looked_for(socket: registration.Model)
         for (near, far), limit in zip(((0.0, 1.0), (1.0, 3.0), (3.0, 9.0)), limits, strict=True):
             there = (np.abs(exact.signed_mm) >= near) & (np.abs(exact.signed_mm) < far)
             assert np.sqrt(np.mean(error[there] ** 2)) < limit, (field.step_mm, near, far)
+
+
+def test_a_ridge_between_two_corners_of_the_border_is_no_border() -> None:
+    """However coarse the tessellation: above the ridge of a tent there is bone."""
+    corners = np.array([[0.0, 0, 0], [40, 0, 0], [0, -20, -10], [40, -20, -10], [0, 20, -10], [40, 20, -10]])
+    tent = Surface(corners, np.array([[0, 2, 3], [0, 3, 1], [0, 1, 5], [0, 5, 4]]))
+    above = tent.closest(np.array([[10.0, 0.0, 3.0], [20.0, 0.5, 3.0], [-3.0, 0.0, 1.0]]))
+    assert tent.beyond_border(above).tolist() == [False, False, True]
