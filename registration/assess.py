@@ -29,6 +29,7 @@ from registration.result import Registration, Rival
 from registration.rigid import transform
 from registration.scan import Scan
 from registration.surface import Closest
+from registration.tissue import INDEPENDENT_POINTS
 from registration.valley import End, dispersion
 from registration.verdict import Evidence, Tolerance, judge
 
@@ -99,6 +100,7 @@ def assess(scan: Scan, solution: Solution, asked: Asked, findings: list[str]) ->
     rotation_sd = min(180.0, float(np.degrees(np.sqrt(np.trace(covariance[:3, :3])))))
     found = stiffness(rows, sigma[used], radius)
     measures = residual_measures(closest.signed_mm[used])
+    independent = min(len(scan), INDEPENDENT_POINTS)
     evidence = Evidence(
         rotation_sd_deg=rotation_sd,
         targets=targets,
@@ -106,7 +108,7 @@ def assess(scan: Scan, solution: Solution, asked: Asked, findings: list[str]) ->
         inliers=int(inliers.sum()),
         inside_share=float(np.mean(closest.signed_mm < -4.0 * np.maximum(sigma, 0.25))),
         misfit_mm=misfit,
-        rivals=[r for r in solution.rivals if (r.cost - solution.cost) * len(scan) < PLAUSIBLE],
+        rivals=[r for r in solution.rivals if (r.cost - solution.cost) * independent < PLAUSIBLE],
         sure=solution.sure,
     )
     verdict, reasons = judge(evidence, asked.tolerance)

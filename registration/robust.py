@@ -23,7 +23,7 @@ from registration.result import Rival
 from registration.rigid import transform
 from registration.scan import Scan
 from registration.search import Search
-from registration.tissue import raster_noise
+from registration.tissue import INDEPENDENT_POINTS, raster_noise
 from registration.valley import ends_beside, walked
 
 FINISHED, WITHIN = 3, 60.0
@@ -108,7 +108,7 @@ def _finished(
         cost=-final.log_likelihood,
         method="robust",
         sure=sure,
-        beside=ends_beside(final, walk, len(scan)),
+        beside=ends_beside(final, walk, min(len(scan), INDEPENDENT_POINTS)),
     )
 
 

@@ -27,6 +27,9 @@ TISSUE_ONSET_MM = 0.7
 STRAY = 2e-3
 """Density of anything else (1/mm): stray echoes, points inside bone."""
 
+INDEPENDENT_POINTS = 1500
+"""Points of a raster finer than that see the same clumps of tissue: what poses differ by grows no further with them."""
+
 CLIP = 3.0
 """Largest log odds that a neighbour may put in."""
 
