@@ -138,7 +138,10 @@ def rivals_of(best: FloatArray, ends: list[tuple[FloatArray, float]], middle: Fl
 
 
 def initial_noise(scan: Scan, noise_mm: float | None) -> float:
-    """Noise along the beam to search with: given, of the points themselves, or from the raster."""
+    """Noise along the beam in mm to search with: as given, else that of the points themselves or of the raster.
+
+    What the points tell is kept within `PLAUSIBLE_RANGE_MM`; the finish weighs each by its own noise, however small.
+    """
     if noise_mm is not None:
         return noise_mm
     if scan.range_sd_mm is not None:

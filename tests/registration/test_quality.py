@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from registration.assess import pose_covariance
+import registration
+from registration.assess import Asked, assess, pose_covariance
 from registration.quality import (
     chi_square_quantile,
     describe_weakness,
@@ -18,6 +21,9 @@ from registration.quality import (
     stiffness,
     target_covariance,
 )
+from registration.result import Rival
+from registration.robust import register_robust
+from registration.scan import checked_scan
 
 
 def sphere_patch(count: int, cap: float = np.pi) -> tuple[np.ndarray, np.ndarray]:
@@ -129,3 +135,16 @@ def test_the_chi_square_quantile_is_that_of_scipy(probability: float) -> None:
     for degrees in (0.3, 1.0, 1.7, 2.0, 3.0, 10.0, 200.0):
         expected = float(chdtri(degrees, 1.0 - probability))
         assert chi_square_quantile(degrees, probability) == pytest.approx(expected, rel=1e-10)
+
+
+@pytest.mark.parametrize(("nats", "verdict"), [(25.0, "caution"), (1000.0, "pass")])
+def test_a_rival_of_a_dense_scan_is_weighed_by_fewer_points(
+    socket: registration.Model, scan_of: Callable[..., Any], nats: float, verdict: str
+) -> None:
+    """Ten thousand points see the same clumps of tissue as fifteen hundred: 25 nats of them prove nothing."""
+    scan = checked_scan(scan_of(socket, 0, n=100).points)
+    solved = register_robust(scan, socket, None, None, np.zeros((0, 4)))
+    beside = Rival(solved.model_from_scanner, solved.cost + nats / len(scan), 9.0, 0.1)
+    asked = Asked(targets=None, tolerance=registration.Tolerance(), range_bias_mm=0.1)
+    assert len(scan) > 5000
+    assert assess(scan, replace(solved, rivals=[beside]), asked, []).verdict == verdict
