@@ -23,13 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from instrument.calibration import Calibration
-from instrument.cli.stages import HIDDEN
-from instrument.geometry import codes_to_angles
-from instrument.procedures.plane_fit import OFFSET_SD_MM, PlaneFit, fit_planes
-from instrument.procedures.plane_poses import DEFAULT_POSES, Pose, plane_of
-from instrument.procedures.planes import PARAMETERS, PlaneScan, normal_of, points
-from sim.scanner import trace
+from picoradar.instrument.calibration.file import Calibration
+from picoradar.instrument.calibration.geometry import codes_to_angles
+from picoradar.instrument.cli.stages import HIDDEN
+from picoradar.instrument.procedures.geometry.plane_fit import OFFSET_SD_MM, PlaneFit, fit_planes
+from picoradar.instrument.procedures.geometry.plane_poses import DEFAULT_POSES, Pose, plane_of
+from picoradar.instrument.procedures.geometry.planes import PARAMETERS, PlaneScan, normal_of, points
+from picoradar.sim.physics.mirrors import trace
 
 FloatArray = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ SIDE, HALF_CODES = 24, 1638
 
 def shipped() -> Calibration:
     """Load the calibration that comes with the simulated bench."""
-    with resources.as_file(resources.files("instrument") / "data" / "simulated-bench.json") as path:
+    with resources.as_file(resources.files("picoradar.instrument") / "data" / "simulated-bench.json") as path:
         return Calibration.load(path)
 
 
@@ -138,7 +138,15 @@ def bench(seeds: int) -> None:
     zero_mm = shipped().range_zero_mm
     for seed in range(1, seeds + 1):
         with tempfile.TemporaryDirectory() as folder:
-            command = [sys.executable, "-m", "instrument.cli", "bench", "geometry", "--hidden-errors", "--json"]
+            command = [
+                sys.executable,
+                "-m",
+                "picoradar.instrument.cli",
+                "bench",
+                "geometry",
+                "--hidden-errors",
+                "--json",
+            ]
             out = subprocess.run(
                 [*command, "--seed", str(seed), "--out", str(Path(folder) / "report")], capture_output=True, check=False
             )

@@ -42,8 +42,8 @@ def store_scans(folder: Path) -> None:
     import numpy as np
     import synthetic_scans as synthetic
 
-    from registration import load_model
-    from sim.targets import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM
+    from picoradar.registration import load_model
+    from picoradar.sim.physics.targets import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM
 
     folder.mkdir(parents=True)
     (folder / "model.stl").write_bytes(Path(HIP_FILE).read_bytes())
@@ -89,9 +89,7 @@ def make_table(checkout: Path, scans: Path, out: Path) -> None:
 
     for stored in sorted(scans.glob("*.csv")):
         found = call(checkout, "register", str(stored), str(scans / "model.stl"))
-        keep(
-            f"register {stored.stem}", {"pose": found["model_from_scanner"], "verdict": found["verdict"]}
-        )
+        keep(f"register {stored.stem}", {"pose": found["model_from_scanner"], "verdict": found["verdict"]})
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         for seed in SEEDS:
@@ -100,9 +98,7 @@ def make_table(checkout: Path, scans: Path, out: Path) -> None:
                                   "verdict": found["registration"]["verdict"], "truth_error": found["truth_error"]})  # fmt: skip
         for target in WINDOW_TARGETS:
             recording, cloud = folder / f"{target}.db", folder / f"{target}.ply"
-            found = call(
-                checkout, "scan", "--mode", "window", "--target", target, "--seed", "21", "-o", str(recording)
-            )
+            found = call(checkout, "scan", "--mode", "window", "--target", target, "--seed", "21", "-o", str(recording))
             call(checkout, "export", str(recording), "-o", str(cloud))
             described = {key: value for key, value in found.items() if key not in CHANGING}
             keep(f"window {target}", {"cloud": digest(cloud), **described})

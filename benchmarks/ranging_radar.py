@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from instrument.calibration import METHODS, Calibration
-from instrument.ranging import Pulse, Ranges, estimate, fit_walk, learn, range_bound_mm2
-from sim.receiver import TABLE_PS, Receiver
-from sim.settings import SimulationSettings
-from sim.transmitter import OPERATING_DEGC, OPERATING_V, Transmitter
-from sim.validation.bench import SWEEPS, TIMES_PS, Bench, painted
+from picoradar.instrument.calibration.file import METHODS, Calibration
+from picoradar.instrument.ranging import Pulse, Ranges, estimate, fit_walk, learn, range_bound_mm2
+from picoradar.sim.physics.receiver import TABLE_PS, Receiver
+from picoradar.sim.physics.transmitter import OPERATING_DEGC, OPERATING_V, Transmitter
+from picoradar.sim.settings import SimulationSettings
+from picoradar.sim.validation.bench import SWEEPS, TIMES_PS, Bench, painted
 
 FloatArray = NDArray[np.float64]
 

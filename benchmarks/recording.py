@@ -23,8 +23,8 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from instrument.recording import Recording
-from instrument.scan_line import ScanLine
+from picoradar.instrument.line.scan_line import ScanLine
+from picoradar.instrument.recording import Recording
 
 WRITER = Path(__file__).resolve().parents[1] / "tests" / "instrument" / "recording_writer.py"
 SAMPLES, SWEEPS = 1430, 8

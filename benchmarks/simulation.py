@@ -21,9 +21,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from sim.footprint import bundle
-from sim.noise import Noise
-from sim.validation.bench import SAMPLES, SWEEPS, Bench
+from picoradar.sim.physics.footprint import bundle
+from picoradar.sim.physics.noise import Noise
+from picoradar.sim.validation.bench import SAMPLES, SWEEPS, Bench
 
 DISTANCE_MM = 900.0
 SEED = 2004

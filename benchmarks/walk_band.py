@@ -16,12 +16,12 @@ from importlib import resources
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.calibration import METHODS, Calibration, Walk
-from instrument.procedures.gray_target import DARKEST, WHITE, wedge
-from instrument.ranging import estimate
-from instrument.ranging.learning import learn
-from instrument.ranging.walk import fit_walk
-from sim.validation.bench import SWEEPS, TIMES_PS, Bench, painted
+from picoradar.instrument.calibration.file import METHODS, Calibration, Walk
+from picoradar.instrument.procedures.gray_target.procedure import DARKEST, WHITE, wedge
+from picoradar.instrument.ranging import estimate
+from picoradar.instrument.ranging.learning import learn
+from picoradar.instrument.ranging.walk import fit_walk
+from picoradar.sim.validation.bench import SWEEPS, TIMES_PS, Bench, painted
 
 FloatArray = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ LAWS: dict[str, Callable[[FloatArray], FloatArray]] = {
 
 def shipped() -> Calibration:
     """Load the calibration that comes with the simulated bench."""
-    with resources.as_file(resources.files("instrument") / "data" / "simulated-bench.json") as path:
+    with resources.as_file(resources.files("picoradar.instrument") / "data" / "simulated-bench.json") as path:
         return Calibration.load(path)
 
 

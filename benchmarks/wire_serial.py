@@ -9,17 +9,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-import sim.handlers  # noqa: F401  (makes sim:// known to pyserial)
-from drivers.clock import VirtualClock
-from drivers.dg645 import DG645
-from drivers.genesys import Genesys
-from drivers.mecom import Tec
-from drivers.serial_link import SerialLink
-from sim.firmware.dg645 import Dg645Firmware
-from sim.firmware.genesys import GenesysFirmware
-from sim.firmware.mecom import TecFirmware
-from sim.ports import SerialFirmware, SerialWire, publish
-from sim.wires import InterlockChain, TriggerLine
+import picoradar.sim.ports  # noqa: F401  (makes sim:// known to pyserial)
+from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.dg645.driver import DG645
+from picoradar.drivers.genesys.driver import Genesys
+from picoradar.drivers.links.serial import SerialLink
+from picoradar.drivers.mecom.driver import Tec
+from picoradar.sim.firmware.dg645.device import Dg645Firmware
+from picoradar.sim.firmware.genesys.device import GenesysFirmware
+from picoradar.sim.firmware.mecom.device import TecFirmware
+from picoradar.sim.ports.wire import SerialFirmware, SerialWire, publish
+from picoradar.sim.wires import InterlockChain, TriggerLine
 
 ROUNDS = 40
 CALLS = 200

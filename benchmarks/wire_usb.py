@@ -19,11 +19,11 @@ import usb.util
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from drivers.clock import VirtualClock
-from drivers.sbp import Frame, FrameFlag, FrameParser, encode_frame
-from drivers.usb_link import UsbLink
-from sim.usb import Setup, SimUsbBackend
-from sim.usb.descriptors import BULK, Configuration, Device, Endpoint, Interface
+from picoradar.drivers.bridge.sbp import Frame, FrameFlag, FrameParser, encode_frame
+from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.links.usb import UsbLink
+from picoradar.sim.usb import Setup, SimUsbBackend
+from picoradar.sim.usb.descriptors import BULK, Configuration, Device, Endpoint, Interface
 
 ROUNDS = 7
 BLOCK = 16_384

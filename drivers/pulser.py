@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from drivers.clock import Clock
-from drivers.dg645 import DG645
-from drivers.dg645_wire import Channel, Inhibit, InstrumentStatus, Output, TriggerSource
-from drivers.errors import DeviceError, DeviceFault, LimitError, check_range
-from drivers.genesys import Genesys
-from drivers.genesys_wire import Fault, Status
-from drivers.interfaces import Identity, PulserStatus
+from picoradar.drivers.clock import Clock
+from picoradar.drivers.dg645.driver import DG645
+from picoradar.drivers.dg645.wire import Channel, Inhibit, InstrumentStatus, Output, TriggerSource
+from picoradar.drivers.errors import DeviceError, DeviceFault, LimitError, check_range
+from picoradar.drivers.genesys.driver import Genesys
+from picoradar.drivers.genesys.wire import Fault, Status
+from picoradar.drivers.interfaces import Identity, PulserStatus
 
 PRF_HZ = (20e3, 240e3)
 DRIVE_V = (240.0, 330.0)
@@ -26,7 +26,7 @@ POLL_S = 0.05
 
 
 class Pulser:
-    """Trigger source and drive supply of the laser; satisfies `drivers.interfaces.Pulser`.
+    """Trigger source and drive supply of the laser; satisfies `picoradar.drivers.interfaces.Pulser`.
 
     Parameters
     ----------

@@ -6,18 +6,18 @@ amplitudes and raster neighbours. Millimetres and radians throughout; poses are 
 
 from __future__ import annotations
 
-from registration.cone import Cone
-from registration.dissertation import DissertationSettings
-from registration.errors import DegenerateError, MeshError, PointsError, RegistrationError, StartError
-from registration.files import load_model
-from registration.front import check_targets, register
-from registration.measures import pose_error, residual_measures
-from registration.model import Model, prepare_model
-from registration.paired import PairedPoints, paired_points
-from registration.quality import Target
-from registration.result import Registration, Rival
-from registration.start import Landmarks
-from registration.verdict import Tolerance
+from picoradar.registration.classic.dissertation import DissertationSettings
+from picoradar.registration.errors import DegenerateError, MeshError, PointsError, RegistrationError, StartError
+from picoradar.registration.model.files import load_model
+from picoradar.registration.model.prepared import Model, prepare_model
+from picoradar.registration.paired_points import PairedPoints, paired_points
+from picoradar.registration.register import check_targets, register
+from picoradar.registration.search.cone import Cone
+from picoradar.registration.search.start import Landmarks
+from picoradar.registration.trust.covariance import Target
+from picoradar.registration.trust.measures import pose_error, residual_measures
+from picoradar.registration.trust.result import Registration, Rival
+from picoradar.registration.trust.verdict import Tolerance
 
 __all__ = [
     "Cone",

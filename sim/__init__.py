@@ -8,14 +8,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from sim.bench import SimulatedBench
+    from picoradar.sim.bench import SimulatedBench
 
 __all__ = ["SimulatedBench"]
 
 
 def __getattr__(name: str) -> Any:
     if name == "SimulatedBench":
-        from sim.bench import SimulatedBench
+        from picoradar.sim.bench import SimulatedBench
 
         return SimulatedBench
     raise AttributeError(f"module 'sim' has no attribute {name!r}")

@@ -8,29 +8,29 @@ from typing import Any, Self
 
 import numpy as np
 
-from drivers.clock import VirtualClock
-from sim import handlers as _handlers  # makes sim:// known to pyserial  # noqa: F401
-from sim.faults.taps import HeatPumpTap, MirrorsTap, SerialTap, SignalTap, UsbTap
-from sim.firmware.dg645 import Dg645Firmware
-from sim.firmware.genesys import GenesysFirmware
-from sim.firmware.helios import HeliosFirmware
-from sim.firmware.mecom import TecFirmware
-from sim.firmware.oscilloscope import OscilloscopeFirmware
-from sim.firmware.sampling_bridge import SamplingBridgeFirmware
-from sim.laser_monitor import LaserMonitor
-from sim.noise import Noise
-from sim.operator import clicks, scale_reading
-from sim.optics import Optics
-from sim.ports import SerialFirmware, SerialWire, new_bench_name, publish, withdraw
-from sim.scanner import MirrorPair
-from sim.scene import Scene
-from sim.settings import Pose, SimulationSettings
-from sim.targets import build_scene, landmarks, load_target, place_target
-from sim.thermal import DiodeBlock
-from sim.truth import BenchTruth
-from sim.usb.backend import SimUsbBackend
-from sim.usb.firmware import UsbFirmware
-from sim.wires import InterlockChain, TriggerLine
+from picoradar.drivers.clock import VirtualClock
+from picoradar.sim import ports as _handlers  # makes sim:// known to pyserial  # noqa: F401
+from picoradar.sim.firmware.bridge.device import SamplingBridgeFirmware
+from picoradar.sim.firmware.dg645.device import Dg645Firmware
+from picoradar.sim.firmware.genesys.device import GenesysFirmware
+from picoradar.sim.firmware.helios.device import HeliosFirmware
+from picoradar.sim.firmware.mecom.device import TecFirmware
+from picoradar.sim.firmware.oscilloscope.device import OscilloscopeFirmware
+from picoradar.sim.operator import clicks, scale_reading
+from picoradar.sim.physics.laser_monitor import LaserMonitor
+from picoradar.sim.physics.mirrors import MirrorPair
+from picoradar.sim.physics.noise import Noise
+from picoradar.sim.physics.optics import Optics
+from picoradar.sim.physics.scene import Scene
+from picoradar.sim.physics.targets import build_scene, landmarks, load_target, place_target
+from picoradar.sim.physics.thermal import DiodeBlock
+from picoradar.sim.ports.wire import SerialFirmware, SerialWire, new_bench_name, publish, withdraw
+from picoradar.sim.settings import Pose, SimulationSettings
+from picoradar.sim.taps import HeatPumpTap, MirrorsTap, SerialTap, SignalTap, UsbTap
+from picoradar.sim.truth import BenchTruth
+from picoradar.sim.usb.backend import SimUsbBackend
+from picoradar.sim.usb.firmware import UsbFirmware
+from picoradar.sim.wires import InterlockChain, TriggerLine
 
 TUNED = {3010: 1000.0, 3011: 2.0}  # Kp in % of the current limit per K, Ti in s
 
@@ -62,7 +62,7 @@ class SimulatedBench:
     truth : BenchTruth
         What the code under test must not know.
     serial_taps, usb_taps, signal, servo, heat_pump
-        Where faults are hung in (`sim.faults`).
+        Where faults are hung in (`picoradar.sim.faults`).
 
     Raises
     ------

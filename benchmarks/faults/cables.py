@@ -15,17 +15,17 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.clock import VirtualClock
-from instrument import events
-from instrument.cli.session import calibration_of
-from instrument.controller import Controller
-from instrument.devices import make_bench
-from instrument.recording import Recording
-from instrument.scan import RasterScan
-from instrument.scan_line import NO_RANGE, SUSPECT, ScanLine
-from instrument.settings import Links, Settings, override
-from sim import SimulatedBench
-from sim.faults import Fault, arm
+from picoradar.drivers.clock import VirtualClock
+from picoradar.instrument import events
+from picoradar.instrument.acquisition.sweep import RasterScan
+from picoradar.instrument.bench.opening import make_bench
+from picoradar.instrument.cli.session import calibration_of
+from picoradar.instrument.controller import Controller
+from picoradar.instrument.line.scan_line import NO_RANGE, SUSPECT, ScanLine
+from picoradar.instrument.recording import Recording
+from picoradar.instrument.settings.tables import Links, Settings, override
+from picoradar.sim import SimulatedBench
+from picoradar.sim.faults import Fault, arm
 
 PULLS = {
     "dg645": "unplugged",

@@ -21,7 +21,7 @@ from benchmarks.faults.cases import Case, all_cases, selection
 from benchmarks.faults.life import run
 from benchmarks.faults.result import Result
 from benchmarks.faults.table import markdown
-from instrument import events
+from picoradar.instrument import events
 
 PAGE = Path(__file__).parents[2] / "docs" / "fault-campaign.md"
 

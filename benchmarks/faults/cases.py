@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from instrument.controller import STATES
-from sim.faults import KINDS
-from sim.faults.fault import Link
+from picoradar.instrument.controller import STATES
+from picoradar.sim.faults import KINDS
+from picoradar.sim.faults.fault import Link
 
 SEEDS = (1, 2, 3)
 HOST_KINDS = {

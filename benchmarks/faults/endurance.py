@@ -17,15 +17,15 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from drivers.clock import VirtualClock
-from instrument import events
-from instrument.cli.session import calibration_of
-from instrument.controller import Controller
-from instrument.devices import make_bench
-from instrument.recording import Recording
-from instrument.scan import RasterScan
-from instrument.settings import Links, Settings, override
-from sim import SimulatedBench
+from picoradar.drivers.clock import VirtualClock
+from picoradar.instrument import events
+from picoradar.instrument.acquisition.sweep import RasterScan
+from picoradar.instrument.bench.opening import make_bench
+from picoradar.instrument.cli.session import calibration_of
+from picoradar.instrument.controller import Controller
+from picoradar.instrument.recording import Recording
+from picoradar.instrument.settings.tables import Links, Settings, override
+from picoradar.sim import SimulatedBench
 
 MEMORY_MB = 8.0  # growth after the first tenth that still counts as flat
 REPORTS = 10

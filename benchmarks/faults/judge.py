@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.faults.result import Result
-from drivers.errors import DeviceError
-from instrument.controller import Controller
-from instrument.recording import Recording, RecordingError
-from instrument.scan_line import NO_RANGE, SUSPECT
+from picoradar.drivers.errors import DeviceError
+from picoradar.instrument.controller import Controller
+from picoradar.instrument.line.scan_line import NO_RANGE, SUSPECT
+from picoradar.instrument.recording import Recording, RecordingError
 
 if TYPE_CHECKING:
     from benchmarks.faults.life import Life

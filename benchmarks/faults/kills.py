@@ -19,8 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-from instrument.cli.main import run
-from instrument.recording import Recording, RecordingError
+from picoradar.instrument.cli.main import run
+from picoradar.instrument.recording import Recording, RecordingError
 
 SCAN = ["scan", "--grid", "8x8", "--seed", "4", "--speed", "60", "--json"]
 

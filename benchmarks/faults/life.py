@@ -15,20 +15,20 @@ from benchmarks.faults.cases import Case
 from benchmarks.faults.judge import judge
 from benchmarks.faults.result import Result
 from benchmarks.faults.watch import LightMeter, Seen
-from drivers.clock import VirtualClock
-from drivers.errors import DeviceError
-from instrument.bench import Bench
-from instrument.cli.session import calibration_of
-from instrument.controller import Controller, ScanOutcome
-from instrument.devices import make_bench
-from instrument.errors import PicoradarError
-from instrument.recording import Recording
-from instrument.recording.errors import from_sqlite
-from instrument.scan import RasterScan
-from instrument.scan_line import ScanLine
-from instrument.settings import Links, Settings, override
-from sim import SimulatedBench
-from sim.faults import Fault, arm
+from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.errors import DeviceError
+from picoradar.instrument.acquisition.sweep import RasterScan
+from picoradar.instrument.bench.bench import Bench
+from picoradar.instrument.bench.opening import make_bench
+from picoradar.instrument.cli.session import calibration_of
+from picoradar.instrument.controller import Controller, ScanOutcome
+from picoradar.instrument.errors import PicoradarError
+from picoradar.instrument.line.scan_line import ScanLine
+from picoradar.instrument.recording import Recording
+from picoradar.instrument.recording.errors import from_sqlite
+from picoradar.instrument.settings.tables import Links, Settings, override
+from picoradar.sim import SimulatedBench
+from picoradar.sim.faults import Fault, arm
 
 ROWS = COLUMNS = 4
 WALL_LIMIT_S = 60

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Sequence
 
 from benchmarks.faults.cases import HOST_KINDS
 from benchmarks.faults.result import Result
-from instrument.controller import STATES
-from sim.faults import KINDS
+from picoradar.instrument.controller import STATES
+from picoradar.sim.faults import KINDS
 
 HEAD = """# Fault campaign
 

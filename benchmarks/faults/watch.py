@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from drivers.sbp import Gate
-from sim import SimulatedBench
+from picoradar.drivers.bridge.sbp import Gate
+from picoradar.sim import SimulatedBench
 
 POLL_LIT_S, POLL_DARK_S = 1e-3, 0.02
 LEAST_V = 200.0  # no shot below

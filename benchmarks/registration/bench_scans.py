@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import structlog
 
-from instrument.cli import session
-from instrument.recording import Cloud, Recording
-from instrument.settings import Settings, override
-from registration.rigid import transform
+from picoradar.instrument.cli import session
+from picoradar.instrument.recording import Cloud, Recording
+from picoradar.instrument.settings.tables import Settings, override
+from picoradar.registration.se3 import transform
 
 structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.WARNING))
 

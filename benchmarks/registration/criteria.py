@@ -25,14 +25,14 @@ import numpy as np  # noqa: E402
 import synthetic_scans as synthetic  # noqa: E402
 from marked import provenance, rows_between_marks, write_between_marks  # noqa: E402
 
-from registration import DissertationSettings, load_model, pose_error, register  # noqa: E402
-from registration.baselines import head_and_hat, lm_icp, plane_icp  # noqa: E402
-from registration.dissertation import register_dissertation  # noqa: E402
-from registration.field import build_fields  # noqa: E402
-from registration.losses import LOSSES  # noqa: E402
-from registration.surface import part  # noqa: E402
-from registration.visibility import visible_shell  # noqa: E402
-from sim.targets import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM  # noqa: E402
+from picoradar.registration import DissertationSettings, load_model, pose_error, register  # noqa: E402
+from picoradar.registration.classic.baselines import head_and_hat, lm_icp, plane_icp  # noqa: E402
+from picoradar.registration.classic.dissertation import register_dissertation  # noqa: E402
+from picoradar.registration.classic.losses import LOSSES  # noqa: E402
+from picoradar.registration.model.field import build_fields  # noqa: E402
+from picoradar.registration.model.surface import part  # noqa: E402
+from picoradar.registration.model.visibility import visible_shell  # noqa: E402
+from picoradar.sim.physics.targets import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM  # noqa: E402
 
 NAME = "benchmarks/registration/criteria.py"
 CENTRE, AXIS = np.array(SOCKET_CENTRE_MM), np.array(SOCKET_AXIS)

@@ -23,9 +23,9 @@ from dissertation_pictures import Curves, draw_copies, draw_scans  # noqa: E402
 from marked import provenance, rows_between_marks, write_between_marks  # noqa: E402
 from through_instrument import Operation  # noqa: E402
 
-from registration import Model, load_model, pose_error, prepare_model, register  # noqa: E402
-from registration.rigid import transform  # noqa: E402
-from sim.targets import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM  # noqa: E402
+from picoradar.registration import Model, load_model, pose_error, prepare_model, register  # noqa: E402
+from picoradar.registration.se3 import transform  # noqa: E402
+from picoradar.sim.physics.targets import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM  # noqa: E402
 
 NAME = "benchmarks/registration/dissertation.py"
 CENTRE, AXIS = np.array(SOCKET_CENTRE_MM), np.array(SOCKET_AXIS)

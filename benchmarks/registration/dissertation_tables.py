@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from bench_scans import BenchScan
 
-from registration import DissertationSettings, Model, Registration, pose_error, register
-from registration.dissertation import DissertationResult, register_dissertation
-from registration.quality import plane_rows
-from registration.rigid import inverse, pose, rotation_from_vector, transform
+from picoradar.registration import DissertationSettings, Model, Registration, pose_error, register
+from picoradar.registration.classic.dissertation import DissertationResult, register_dissertation
+from picoradar.registration.se3 import inverse, pose, rotation_from_vector, transform
+from picoradar.registration.trust.covariance import plane_rows
 
 TIGHT_MM2 = 1e-18
 """Stop rule where the dissertation states the number of iterations only: they are all run."""

@@ -28,7 +28,7 @@ class Picoradar:
         self.from_anywhere = from_anywhere
 
     def prepare(self, vertices: np.ndarray, faces: np.ndarray) -> None:
-        import registration
+        from picoradar import registration
 
         self.register = registration.register
         self.model = registration.prepare_model(vertices, faces)

@@ -33,8 +33,8 @@ def peak_mb() -> float:
 
 def child(file: str) -> None:
     """Register one scan after the model is prepared, twice; print CPU ms, errors and peak memory as JSON."""
-    from registration import load_model, pose_error, register
-    from sim.targets import HIP_FILE, SOCKET_CENTRE_MM
+    from picoradar.registration import load_model, pose_error, register
+    from picoradar.sim.physics.targets import HIP_FILE, SOCKET_CENTRE_MM
 
     model = load_model(HIP_FILE)
     data = np.load(file)
@@ -54,8 +54,8 @@ def measured(size: int, folder: Path) -> np.ndarray:
     """Rows (SCANS, 5) of what the children print."""
     import synthetic_scans as synthetic
 
-    from registration import load_model
-    from sim.targets import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM
+    from picoradar.registration import load_model
+    from picoradar.sim.physics.targets import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM
 
     model = load_model(HIP_FILE)
     step = np.sqrt(np.pi * synthetic.WINDOW_MM**2 * synthetic.COVERAGE / size)

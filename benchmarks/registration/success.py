@@ -28,7 +28,7 @@ import scenes  # noqa: E402
 from floor import scan_floor  # noqa: E402
 from marked import provenance, write_between_marks  # noqa: E402
 
-from registration import RegistrationError, prepare_model, register  # noqa: E402
+from picoradar.registration import RegistrationError, prepare_model, register  # noqa: E402
 
 NAME = "benchmarks/registration/success.py"
 ALLOWED_DEG = 0.35

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from registration import Model
-from registration.rigid import inverse, pose, rotation_from_vector, transform
+from picoradar.registration import Model
+from picoradar.registration.se3 import inverse, pose, rotation_from_vector, transform
 
 NOISE_MM = 0.4
 """Standard deviation of one range averaged over 8 sweeps."""

@@ -27,15 +27,15 @@ from bench_scans import BenchScan, take  # noqa: E402
 from marked import provenance, rows_between_marks, write_between_marks  # noqa: E402
 from synthetic_scans import facing_pose  # noqa: E402
 
-from registration import Model, pose_error, prepare_model, register  # noqa: E402
-from registration.measures import PoseError  # noqa: E402
-from registration.quality import plane_rows  # noqa: E402
-from registration.rigid import inverse, pose, rotation_from_vector, transform  # noqa: E402
-from sim import SimulatedBench  # noqa: E402
-from sim.materials import BONE_WET  # noqa: E402
-from sim.scene import Scene, Target  # noqa: E402
-from sim.targets import SOCKET_AXIS, SOCKET_CENTRE_MM, hip  # noqa: E402
-from sim.tissue import clutter, dress  # noqa: E402
+from picoradar.registration import Model, pose_error, prepare_model, register  # noqa: E402
+from picoradar.registration.se3 import inverse, pose, rotation_from_vector, transform  # noqa: E402
+from picoradar.registration.trust.covariance import plane_rows  # noqa: E402
+from picoradar.registration.trust.measures import PoseError  # noqa: E402
+from picoradar.sim import SimulatedBench  # noqa: E402
+from picoradar.sim.physics.materials import BONE_WET  # noqa: E402
+from picoradar.sim.physics.scene import Scene, Target  # noqa: E402
+from picoradar.sim.physics.targets import SOCKET_AXIS, SOCKET_CENTRE_MM, hip  # noqa: E402
+from picoradar.sim.physics.tissue import clutter, dress  # noqa: E402
 
 NAME = "benchmarks/registration/through_instrument.py"
 TISSUE_SHARE = 1.4

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from registration import Model, load_model, pose_error, register
-from registration.baselines import lm_icp
-from registration.field import build_fields
-from registration.rigid import inverse, pose, rotation_from_vector, transform
-from registration.surface import Surface
-from registration.volume import surface_points
+from picoradar.registration import Model, load_model, pose_error, register
+from picoradar.registration.classic.baselines import lm_icp
+from picoradar.registration.model.field import build_fields
+from picoradar.registration.model.surface import Surface
+from picoradar.registration.preoperative.volume import surface_points
+from picoradar.registration.se3 import inverse, pose, rotation_from_vector, transform
 
 HIP = Path(__file__).parents[2] / "sim" / "data" / "hip_right.stl"
 SOFT_HU, BONE_HU, NOISE_HU = 60.0, 900.0, 60.0

@@ -1,6 +1,6 @@
-"""``python -m instrument.cli``: the same as the command ``picoradar``."""
+"""``python -m picoradar.instrument.cli``: the same as the command ``picoradar``."""
 
-from instrument.cli.main import main
+from picoradar.instrument.cli.main import main
 
 if __name__ == "__main__":
     main()

@@ -11,12 +11,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.cli.register import describe
-from instrument.cli.simulated import Simulated, checked_simulation
-from instrument.recording import Recording
-from instrument.report import write_report
-from instrument.settings import Settings, to_toml
-from registration import Registration, pose_error, prepare_model, register
+from picoradar.instrument.cli.commands.register import describe
+from picoradar.instrument.cli.simulated import Simulated, checked_simulation
+from picoradar.instrument.recording import Recording
+from picoradar.instrument.report import write_report
+from picoradar.instrument.settings.tables import Settings, to_toml
+from picoradar.registration import Registration, pose_error, prepare_model, register
 
 
 @dataclass(frozen=True)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from drivers.interfaces import Record, SweepSettings
-from drivers.oscilloscope import Oscilloscope, oscilloscope_link
-from drivers.usbtmc import Usbtmc
-from instrument.cli.person import Person, Wait
-from instrument.cli.session import Session
-from instrument.devices import named_backend
-from instrument.errors import BadInput
+from picoradar.drivers.interfaces import Record, SweepSettings
+from picoradar.drivers.links.usbtmc import Usbtmc
+from picoradar.drivers.oscilloscope.driver import Oscilloscope, oscilloscope_link
+from picoradar.instrument.bench.opening import named_backend
+from picoradar.instrument.cli.person import Person, Wait
+from picoradar.instrument.cli.session import Session
+from picoradar.instrument.errors import BadInput
 
 DETECTOR_CHANNEL = 2  # the receiver has the first
 FULL_SCALE_V, OFFSET_V = 0.24, 0.05

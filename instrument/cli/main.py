@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from instrument.cli import output
+from picoradar.instrument.cli import output
 
 # Typer carries its own copy of click in some versions and uses the package in others: its errors are named through it.
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
@@ -35,7 +35,7 @@ def common(
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
         return
-    from instrument import events
+    from picoradar.instrument import events
 
     events.configure(logging.INFO if verbose else logging.WARNING)
 
@@ -83,10 +83,10 @@ def _ignore_signals() -> None:
 
 def exit_status(error: Exception) -> int | None:
     """Get the exit status of the contract for a known failure; None for a defect of the program."""
-    from drivers.errors import DeviceError, LimitError
-    from instrument.errors import PicoradarError
-    from instrument.recording import RecordingError
-    from registration.errors import RegistrationError
+    from picoradar.drivers.errors import DeviceError, LimitError
+    from picoradar.instrument.errors import PicoradarError
+    from picoradar.instrument.recording import RecordingError
+    from picoradar.registration.errors import RegistrationError
 
     if isinstance(error, PicoradarError):
         return error.exit_status
@@ -112,7 +112,7 @@ def _failed(arguments: list[str], code: int, message: str) -> int:
 
 
 def _register_subcommands() -> None:
-    from instrument.cli import (
+    from picoradar.instrument.cli.commands import (
         bench,
         calibration,
         demo,
@@ -121,13 +121,13 @@ def _register_subcommands() -> None:
         info,
         laser_class,
         register,
-        rerange,
         resume,
         scan,
         settings,
         sim,
         validate,
     )
+    from picoradar.instrument.cli.commands import reprocess as rerange
 
     modules = (demo, settings, doctor, sim, scan, resume, info, export, rerange, register)
     for module in (*modules, bench, calibration, validate, laser_class):

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from instrument.errors import BadInput
+from picoradar.instrument.errors import BadInput
 
 if TYPE_CHECKING:
-    from instrument.settings import Settings
+    from picoradar.instrument.settings.tables import Settings
 
 FARTHEST = 1e5  # mm or degrees; nothing on the bench is farther away
 
@@ -58,7 +58,11 @@ def scan_settings(
     BadInput
         Naming file or option, value and what is allowed.
     """
-    from instrument.settings import Settings, load_settings, override  # here, because they make --help slow
+    from picoradar.instrument.settings.tables import (  # here, because they make --help slow
+        Settings,
+        load_settings,
+        override,
+    )
 
     settings = Settings() if settings_file is None else load_settings(settings_file)
     rows, columns = parse_grid(grid) if grid is not None else (None, None)

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable
 from typing import TextIO
 
-from instrument.errors import BadInput, Interrupted
+from picoradar.instrument.errors import BadInput, Interrupted
 
 Wait = Callable[[Callable[[], bool]], None]
 STOP = ("q", "quit", "stop")

@@ -14,20 +14,20 @@ from typing import Any
 
 import numpy as np
 
-from drivers.clock import ScaledClock
-from drivers.interfaces import Identity, TemperatureStatus
-from drivers.transcript import Transcript
-from instrument.calibration import Calibration
-from instrument.cli import output
-from instrument.cli.simulated import Simulated
-from instrument.controller import Controller, ScanOutcome
-from instrument.devices import make_bench
-from instrument.errors import BadInput, Interrupted
-from instrument.recording import Recording
-from instrument.scan import RasterScan, raster_of
-from instrument.scan_line import Flag, ScanLine
-from instrument.settings import Settings
-from instrument.window_scan import WindowScan, can_window
+from picoradar.drivers.clock import ScaledClock
+from picoradar.drivers.interfaces import Identity, TemperatureStatus
+from picoradar.drivers.links.transcript import Transcript
+from picoradar.instrument.acquisition.sweep import RasterScan, raster_of
+from picoradar.instrument.acquisition.window import WindowScan, can_window
+from picoradar.instrument.bench.opening import make_bench
+from picoradar.instrument.calibration.file import Calibration
+from picoradar.instrument.cli import output
+from picoradar.instrument.cli.simulated import Simulated
+from picoradar.instrument.controller import Controller, ScanOutcome
+from picoradar.instrument.errors import BadInput, Interrupted
+from picoradar.instrument.line.scan_line import Flag, ScanLine
+from picoradar.instrument.recording import Recording
+from picoradar.instrument.settings.tables import Settings
 
 
 @dataclass
@@ -103,7 +103,7 @@ def calibration_of(settings: Settings) -> Calibration:
         return Calibration.load(Path(settings.calibration))
     if settings.bench != "simulated":
         raise BadInput("settings: calibration is empty; real devices need the calibration file of this radar")
-    with resources.as_file(resources.files("instrument") / "data" / "simulated-bench.json") as path:
+    with resources.as_file(resources.files("picoradar.instrument") / "data" / "simulated-bench.json") as path:
         return Calibration.load(path)
 
 

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ValidationError
 
-from drivers.clock import VirtualClock
-from instrument.errors import BadInput
-from instrument.recording import Cloud
-from instrument.scan_line import Flag
-from instrument.settings import Links, Settings, describe_errors
+from picoradar.drivers.clock import VirtualClock
+from picoradar.instrument.errors import BadInput
+from picoradar.instrument.line.scan_line import Flag
+from picoradar.instrument.recording import Cloud
+from picoradar.instrument.settings.tables import Links, Settings, describe_errors
 
 NO_SINGLE_ECHO = Flag.MIXED | Flag.CLIPPED | Flag.OVERLAPPED | Flag.MOTION
 
@@ -28,7 +28,7 @@ class Simulated:
     speed : float, optional
         Factor of real time; None is as fast as the computer can.
     faults : path, optional
-        Faults to happen on the bench, TOML or JSON (`sim.faults`).
+        Faults to happen on the bench, TOML or JSON (`picoradar.sim.faults`).
 
     Attributes
     ----------
@@ -42,8 +42,8 @@ class Simulated:
     """
 
     def __init__(self, settings: Settings, speed: float | None, faults: Path | None = None) -> None:
-        from sim import SimulatedBench
-        from sim.settings import SimulationSettings
+        from picoradar.sim import SimulatedBench
+        from picoradar.sim.settings import SimulationSettings
 
         self.clock = VirtualClock(speed)
         checked = checked_simulation(settings)
@@ -60,7 +60,7 @@ class Simulated:
             self._arm(faults)
 
     def _arm(self, path: Path) -> None:
-        from sim.faults import arm, load_scenario
+        from picoradar.sim.faults import arm, load_scenario
 
         try:
             declared = load_scenario(path)
@@ -141,7 +141,7 @@ def checked_simulation(settings: Settings) -> BaseModel:
     BadInput
         Naming key, value and what is allowed.
     """
-    from sim.settings import SimulationSettings
+    from picoradar.sim.settings import SimulationSettings
 
     table = {k: v for k, v in settings.simulation.items() if v is not None}
     table.setdefault("distance_mm", settings.scan.distance_mm)

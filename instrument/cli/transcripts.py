@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from instrument.errors import BadInput
+from picoradar.instrument.errors import BadInput
 
 if TYPE_CHECKING:
-    from drivers.transcript import Transcript
+    from picoradar.drivers.links.transcript import Transcript
 
 TranscriptFile = Annotated[
     Path | None,
@@ -32,7 +32,7 @@ def transcript_to(path: Path | None) -> Iterator[Transcript | None]:
     if path is None:
         yield None
         return
-    from drivers.transcript import Transcript
+    from picoradar.drivers.links.transcript import Transcript
 
     try:
         transcript = Transcript(path)

@@ -1,10 +1,10 @@
 """The controller: a state machine that owns the devices, interlocks as data, and the safe way out."""
 
-from instrument.controller.controller import Controller
-from instrument.controller.job import Between, LineStore, ScanJob, ScanOutcome, Sink
-from instrument.controller.requests import Request
-from instrument.controller.safety import SafeState, make_safe
-from instrument.controller.states import STATES, TRANSITIONS, State, allowed_verbs, diagram
+from picoradar.instrument.controller.controller import Controller
+from picoradar.instrument.controller.job import Between, LineStore, ScanJob, ScanOutcome, Sink
+from picoradar.instrument.controller.requests import Request
+from picoradar.instrument.controller.safety import SafeState, make_safe
+from picoradar.instrument.controller.states import STATES, TRANSITIONS, State, allowed_verbs, diagram
 
 __all__ = [
     "STATES",

@@ -5,22 +5,22 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterable
 
-from drivers.errors import DeviceError
-from drivers.interfaces import Identity, TemperatureStatus
-from instrument.bench import Bench
-from instrument.controller.exposure import refuse_above_class_1
-from instrument.controller.interlocks import interlocks
-from instrument.controller.job import LineStore, ScanJob, ScanOutcome, Sink
-from instrument.controller.machine import StateMachine
-from instrument.controller.requests import Request, Requests
-from instrument.controller.run import ScanRun
-from instrument.controller.safety import SafeState, make_safe
-from instrument.controller.states import State
-from instrument.controller.station import Station
-from instrument.controller.supervision import Supervisor
-from instrument.errors import InterlockTripped, Interrupted, NotAllowed
-from instrument.events import logger
-from instrument.settings import Settings
+from picoradar.drivers.errors import DeviceError
+from picoradar.drivers.interfaces import Identity, TemperatureStatus
+from picoradar.instrument.bench.bench import Bench
+from picoradar.instrument.controller.exposure import refuse_above_class_1
+from picoradar.instrument.controller.interlocks import interlocks
+from picoradar.instrument.controller.job import LineStore, ScanJob, ScanOutcome, Sink
+from picoradar.instrument.controller.machine import StateMachine
+from picoradar.instrument.controller.requests import Request, Requests
+from picoradar.instrument.controller.run import ScanRun
+from picoradar.instrument.controller.safety import SafeState, make_safe
+from picoradar.instrument.controller.states import State
+from picoradar.instrument.controller.station import Station
+from picoradar.instrument.controller.supervision import Supervisor
+from picoradar.instrument.errors import InterlockTripped, Interrupted, NotAllowed
+from picoradar.instrument.events import logger
+from picoradar.instrument.settings.tables import Settings
 
 WARM_POLL_S = 1.0
 REST_POLL_S = 0.1

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import shutil
 
-from instrument.controller.job import LineStore, ScanJob
-from instrument.errors import InterlockTripped
+from picoradar.instrument.controller.job import LineStore, ScanJob
+from picoradar.instrument.errors import InterlockTripped
 
 
 def lines_left(job: ScanJob, store: LineStore) -> float:

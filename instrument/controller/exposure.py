@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from instrument.errors import InterlockTripped
-from instrument.laser_class import EDITION, LaserClass, PulseTrain, classify
-from instrument.settings import PulserSettings
+from picoradar.instrument.controller.laser_class import EDITION, LaserClass, PulseTrain, classify
+from picoradar.instrument.errors import InterlockTripped
+from picoradar.instrument.settings.tables import PulserSettings
 
 WAVELENGTH_NM = 904.0
 PULSE_WIDTH_S = 45e-12

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from drivers.interfaces import PulserStatus, SamplerStatus, TemperatureStatus
-from instrument.controller.exposure import Exposure
-from instrument.settings import Settings
+from picoradar.drivers.interfaces import PulserStatus, SamplerStatus, TemperatureStatus
+from picoradar.instrument.controller.exposure import Exposure
+from picoradar.instrument.settings.tables import Settings
 
 Action = Literal["suspend", "abort", "off"]
 INFINITE = math.inf

@@ -10,9 +10,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from drivers.interfaces import Galvo, Sampler
-from instrument.controller.safety import SafeState
-from instrument.scan_line import Flag, ScanLine
+from picoradar.drivers.interfaces import Galvo, Sampler
+from picoradar.instrument.controller.safety import SafeState
+from picoradar.instrument.line.scan_line import Flag, ScanLine
 
 Sink = Callable[[ScanLine], None]
 Between = Callable[[], None]
@@ -44,7 +44,7 @@ class ScanJob(Protocol):
 
 
 class LineStore(Protocol):
-    """Where lines become durable (`instrument.recording.Recording`)."""
+    """Where lines become durable (`picoradar.instrument.recording.Recording`)."""
 
     @property
     def path(self) -> Path:

@@ -12,8 +12,8 @@ from typing import Any
 from transitions import Machine as _Machine
 from transitions import MachineError
 
-from instrument.controller.states import STATES, TRANSITIONS, State, allowed_verbs
-from instrument.errors import NotAllowed
+from picoradar.instrument.controller.states import STATES, TRANSITIONS, State, allowed_verbs
+from picoradar.instrument.errors import NotAllowed
 
 
 class StateMachine:

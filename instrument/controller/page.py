@@ -1,6 +1,6 @@
 """Brings the generated parts of docs/controller.md up to date: states, diagram and interlocks, from their one source.
 
-python -m instrument.controller.page docs/controller.md
+python -m picoradar.instrument.controller.page docs/controller.md
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ import re
 import sys
 from pathlib import Path
 
-from instrument.controller.exposure import exposure_of
-from instrument.controller.interlocks import interlock_table
-from instrument.controller.states import diagram, state_table
-from instrument.settings import Settings
+from picoradar.instrument.controller.exposure import exposure_of
+from picoradar.instrument.controller.interlocks import interlock_table
+from picoradar.instrument.controller.states import diagram, state_table
+from picoradar.instrument.settings.tables import Settings
 
 
 def parts() -> dict[str, str]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from drivers.clock import Clock
-from instrument.controller.interlocks import Interlock, Readings
-from instrument.errors import InterlockTripped
+from picoradar.drivers.clock import Clock
+from picoradar.instrument.controller.interlocks import Interlock, Readings
+from picoradar.instrument.errors import InterlockTripped
 
 
 @dataclass

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from drivers.errors import DeviceError, LinkLost, ProtocolError, Timeout
-from drivers.interfaces import Identity
-from instrument.bench import Bench
-from instrument.controller.job import ScanJob
-from instrument.errors import InterlockTripped
-from instrument.settings import Settings
+from picoradar.drivers.errors import DeviceError, LinkLost, ProtocolError, Timeout
+from picoradar.drivers.interfaces import Identity
+from picoradar.instrument.bench.bench import Bench
+from picoradar.instrument.controller.job import ScanJob
+from picoradar.instrument.errors import InterlockTripped
+from picoradar.instrument.settings.tables import Settings
 
 LINK_ERRORS = (LinkLost, Timeout, ProtocolError)
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 5.0

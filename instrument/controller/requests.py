@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 from typing import Literal
 
-from instrument.errors import InterlockTripped
+from picoradar.instrument.errors import InterlockTripped
 
 Request = Literal["finish", "pause", "resume", "abort", "interrupt", "emergency off"]
 REASONS: dict[str, str] = {"abort": "aborted", "interrupt": "interrupted", "finish": "finished early"}

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from drivers.errors import DeviceError, DeviceFault
-from instrument.controller.disk import lines_left, refuse_small_disk
-from instrument.controller.job import LineStore, ScanJob, ScanOutcome, Sink
-from instrument.controller.recovery import LIMIT_S, LINK_ERRORS, apply_settings, reopen, waits
-from instrument.controller.requests import EndScan
-from instrument.controller.safety import make_safe
-from instrument.controller.station import Station, reach_working_point
-from instrument.errors import InterlockTripped
-from instrument.scan_line import ScanLine
+from picoradar.drivers.errors import DeviceError, DeviceFault
+from picoradar.instrument.controller.disk import lines_left, refuse_small_disk
+from picoradar.instrument.controller.job import LineStore, ScanJob, ScanOutcome, Sink
+from picoradar.instrument.controller.recovery import LIMIT_S, LINK_ERRORS, apply_settings, reopen, waits
+from picoradar.instrument.controller.requests import EndScan
+from picoradar.instrument.controller.safety import make_safe
+from picoradar.instrument.controller.station import Station, reach_working_point
+from picoradar.instrument.errors import InterlockTripped
+from picoradar.instrument.line.scan_line import ScanLine
 
 PAUSE_POLL_S = 0.1
 SUSPEND_LIMIT_S = 600.0

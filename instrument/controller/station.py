@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from drivers.interfaces import Identity
-from instrument.bench import Bench
-from instrument.controller.machine import StateMachine
-from instrument.controller.requests import Requests
-from instrument.controller.supervision import Supervisor
-from instrument.settings import Settings
+from picoradar.drivers.interfaces import Identity
+from picoradar.instrument.bench.bench import Bench
+from picoradar.instrument.controller.machine import StateMachine
+from picoradar.instrument.controller.requests import Requests
+from picoradar.instrument.controller.supervision import Supervisor
+from picoradar.instrument.settings.tables import Settings
 
 POLL_S = 0.2
 SETTLED_FOR_S = 2.0  # the heat of the light takes a moment to show at the diode's sensor

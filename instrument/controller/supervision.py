@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from drivers.clock import Timer
-from drivers.errors import DeviceError
-from instrument.bench import Bench
-from instrument.controller.interlocks import Interlock, Readings
-from instrument.controller.panel import Panel
+from picoradar.drivers.clock import Timer
+from picoradar.drivers.errors import DeviceError
+from picoradar.instrument.bench.bench import Bench
+from picoradar.instrument.controller.interlocks import Interlock, Readings
+from picoradar.instrument.controller.panel import Panel
 
 WATCHDOG_S = 1.0  # time limit that the sampler's driver sets in the device
 BEAT_S = WATCHDOG_S / 4  # SBP 1.0 section 5: every quarter of the timeout

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from instrument.procedures import distance, drift, geometry, gray_target, prism, scanner, templates, transmitter
-from instrument.procedures.outcome import Outcome
-from instrument.procedures.station import Station
+from picoradar.instrument.procedures import distance, drift, transmitter
+from picoradar.instrument.procedures.geometry import procedure as geometry
+from picoradar.instrument.procedures.gray_target import procedure as gray_target
+from picoradar.instrument.procedures.gray_target import templates
+from picoradar.instrument.procedures.prism import procedure as prism
+from picoradar.instrument.procedures.scanner import procedure as scanner
+from picoradar.instrument.procedures.station.outcome import Outcome
+from picoradar.instrument.procedures.station.station import Station
 
 PROCEDURES: dict[str, Callable[[Station], Outcome]] = {
     gray_target.NAME: gray_target.run,

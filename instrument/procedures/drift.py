@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.procedures.findings import lost_readings, refused
-from instrument.procedures.outcome import Outcome, Plot, Readings
-from instrument.procedures.records import traces_of
-from instrument.procedures.stage import Placing
-from instrument.procedures.station import Station
-from instrument.ranging import estimate
-from instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS
+from picoradar.instrument.procedures.station.findings import lost_readings, refused
+from picoradar.instrument.procedures.station.outcome import Outcome, Plot, Readings
+from picoradar.instrument.procedures.station.records import traces_of
+from picoradar.instrument.procedures.station.stage import Placing
+from picoradar.instrument.procedures.station.station import Station
+from picoradar.instrument.ranging import estimate
+from picoradar.instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.errors import BadInput, InterlockTripped, Interrupted
-from instrument.procedures.findings import refused
-from instrument.procedures.light import SWEEP, Light, LightJob, NoStore
-from instrument.procedures.outcome import Outcome, Plot, Readings
-from instrument.procedures.station import Station
-from instrument.settings import override
+from picoradar.instrument.errors import BadInput, InterlockTripped, Interrupted
+from picoradar.instrument.procedures.station.findings import refused
+from picoradar.instrument.procedures.station.light import SWEEP, Light, LightJob, NoStore
+from picoradar.instrument.procedures.station.outcome import Outcome, Plot, Readings
+from picoradar.instrument.procedures.station.station import Station
+from picoradar.instrument.settings.tables import override
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

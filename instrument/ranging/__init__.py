@@ -4,19 +4,19 @@
 planned. `learn` and `fit_walk` make the calibration that they need, `range_bound_mm2` tells how good they can be.
 """
 
-from instrument.ranging.average import average_ranges, average_sweeps
-from instrument.ranging.bound import Pulse, range_bound_mm2
-from instrument.ranging.estimate import estimate
-from instrument.ranging.footprint import mark_footprint
-from instrument.ranging.learning import learn
-from instrument.ranging.ranges import SPEED_OF_LIGHT_MM_PER_PS, Ranges
-from instrument.ranging.settings import RangingSettings
-from instrument.ranging.walk import fit_walk
-from instrument.ranging.window import Place, Window
-from instrument.ranging.window_choice import PlanSettings
-from instrument.ranging.window_plan import WindowPlanner
-from instrument.ranging.window_traces import WindowTraces
-from instrument.ranging.windowed import estimate_places, estimate_windows, with_retaken
+from picoradar.instrument.ranging.average import average_ranges, average_sweeps
+from picoradar.instrument.ranging.bound import Pulse, range_bound_mm2
+from picoradar.instrument.ranging.estimate import estimate
+from picoradar.instrument.ranging.footprint import mark_footprint
+from picoradar.instrument.ranging.learning import learn
+from picoradar.instrument.ranging.ranges import SPEED_OF_LIGHT_MM_PER_PS, Ranges
+from picoradar.instrument.ranging.settings import RangingSettings
+from picoradar.instrument.ranging.walk import fit_walk
+from picoradar.instrument.ranging.windows.choice import PlanSettings
+from picoradar.instrument.ranging.windows.estimate import estimate_places, estimate_windows, with_retaken
+from picoradar.instrument.ranging.windows.fit import Place, Window
+from picoradar.instrument.ranging.windows.plan import WindowPlanner
+from picoradar.instrument.ranging.windows.traces import WindowTraces
 
 __all__ = [
     "SPEED_OF_LIGHT_MM_PER_PS",

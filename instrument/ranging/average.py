@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from instrument.errors import BadInput
+from picoradar.instrument.errors import BadInput
 
 FloatArray = NDArray[np.float64]
 

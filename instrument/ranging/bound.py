@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS
+from picoradar.instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS
 
 FloatArray = NDArray[np.float64]
 Signal = Callable[[FloatArray, float], FloatArray]

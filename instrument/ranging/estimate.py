@@ -7,16 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from instrument.calibration import METHODS, Calibration, Method, ShotNoise
-from instrument.errors import BadInput
-from instrument.ranging.half_maximum import Edges, half_maximum, join
-from instrument.ranging.pair import mark, to_ranges
-from instrument.ranging.pulses import CoarseTraces, Pulses, coarse_traces, next_pulse
-from instrument.ranging.ranges import Ranges
-from instrument.ranging.settings import RangingSettings
-from instrument.ranging.template import Shapes, bad_fit, fit_pair, shapes_of
-from instrument.ranging.unaided import learn_unaided
-from instrument.scan_line import NO_RANGE, Flag
+from picoradar.instrument.calibration.file import METHODS, Calibration, Method, ShotNoise
+from picoradar.instrument.errors import BadInput
+from picoradar.instrument.line.scan_line import NO_RANGE, Flag
+from picoradar.instrument.ranging.half_maximum import Edges, half_maximum, join
+from picoradar.instrument.ranging.pair import mark, to_ranges
+from picoradar.instrument.ranging.pulses import CoarseTraces, Pulses, coarse_traces, next_pulse
+from picoradar.instrument.ranging.ranges import Ranges
+from picoradar.instrument.ranging.self_calibration import learn_unaided
+from picoradar.instrument.ranging.settings import RangingSettings
+from picoradar.instrument.ranging.template import Shapes, bad_fit, fit_pair, shapes_of
 
 FloatArray = NDArray[np.float64]
 FlagArray = NDArray[np.uint16]

@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.ranging.ranges import Ranges
-from instrument.scan_line import Flag
+from picoradar.instrument.line.scan_line import Flag
+from picoradar.instrument.ranging.ranges import Ranges
 
 FloatArray = NDArray[np.float64]
 

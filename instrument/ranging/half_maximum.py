@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.calibration import ShotNoise
-from instrument.ranging.pair import PulsePair
-from instrument.ranging.pulses import CoarseTraces, Pulses
+from picoradar.instrument.calibration.file import ShotNoise
+from picoradar.instrument.ranging.pair import PulsePair
+from picoradar.instrument.ranging.pulses import CoarseTraces, Pulses
 
 FloatArray = NDArray[np.float64]
 

@@ -15,11 +15,11 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import nnls
 from scipy.signal import savgol_filter
 
-from instrument.calibration import ShotNoise, Templates
-from instrument.errors import BadInput
-from instrument.ranging.half_maximum import Edges, half_maximum
-from instrument.ranging.pulses import coarse_traces, next_pulse
-from instrument.ranging.settings import RangingSettings
+from picoradar.instrument.calibration.file import ShotNoise, Templates
+from picoradar.instrument.errors import BadInput
+from picoradar.instrument.ranging.half_maximum import Edges, half_maximum
+from picoradar.instrument.ranging.pulses import coarse_traces, next_pulse
+from picoradar.instrument.ranging.settings import RangingSettings
 
 FloatArray = NDArray[np.float64]
 

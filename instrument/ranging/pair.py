@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.calibration import Calibration, Method
-from instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, PerRecord, Ranges
-from instrument.ranging.settings import RangingSettings
-from instrument.scan_line import NO_RANGE, Flag
+from picoradar.instrument.calibration.file import Calibration, Method
+from picoradar.instrument.line.scan_line import NO_RANGE, Flag
+from picoradar.instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, PerRecord, Ranges
+from picoradar.instrument.ranging.settings import RangingSettings
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.ranging.settings import RangingSettings
+from picoradar.instrument.ranging.settings import RangingSettings
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -41,7 +41,7 @@ class Ranges(PerRecord):
     response_mv : float array
         Amplitude of the echo; NaN where there is none.
     flags : uint16 array
-        Sums of `instrument.scan_line.Flag`.
+        Sums of `picoradar.instrument.line.scan_line.Flag`.
     bias_sd_mm : float array
         Standard deviation of the walk correction, which repeating does not reduce: a separate budget. 0 without
         calibration, NaN like the range.

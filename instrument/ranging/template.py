@@ -8,14 +8,14 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.calibration import Calibration, ShotNoise, Templates
-from instrument.errors import BadInput
-from instrument.ranging.half_maximum import Edges
-from instrument.ranging.pair import PulsePair
-from instrument.ranging.pulses import CoarseTraces
-from instrument.ranging.settings import RangingSettings
-from instrument.ranging.shape_table import ShapeTable
-from instrument.ranging.template_fit import PulseFit, fit_pulses
+from picoradar.instrument.calibration.file import Calibration, ShotNoise, Templates
+from picoradar.instrument.errors import BadInput
+from picoradar.instrument.ranging.half_maximum import Edges
+from picoradar.instrument.ranging.pair import PulsePair
+from picoradar.instrument.ranging.pulses import CoarseTraces
+from picoradar.instrument.ranging.settings import RangingSettings
+from picoradar.instrument.ranging.shape_table import ShapeTable
+from picoradar.instrument.ranging.template_fit import PulseFit, fit_pulses
 
 FloatArray = NDArray[np.float64]
 Shapes = tuple[Templates, ShotNoise]

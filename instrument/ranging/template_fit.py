@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.ranging.shape_table import ShapeTable
+from picoradar.instrument.ranging.shape_table import ShapeTable
 
 FloatArray = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
-from instrument.calibration import Walk
-from instrument.errors import BadInput
+from picoradar.instrument.calibration.file import Walk
+from picoradar.instrument.errors import BadInput
 
 FloatArray = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.scan_line import NO_RANGE, ScanLine
+from picoradar.instrument.line.scan_line import NO_RANGE, ScanLine
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Cloud:
     covariance_mm2 : (N, 3, 3) float array
     range_mm, range_variance_mm2, response_mv : (N,) float arrays
     flags : (N,) uint16 array
-        Sums of `instrument.scan_line.Flag`.
+        Sums of `picoradar.instrument.line.scan_line.Flag`.
     rows, columns : (N,) int32 arrays
         Place in the raster.
     angles_rad : (N, 2) float array

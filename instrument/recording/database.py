@@ -13,7 +13,7 @@ import sys
 import zlib
 from pathlib import Path
 
-from instrument.recording.errors import RecordingError, from_sqlite, primary_code
+from picoradar.instrument.recording.errors import RecordingError, from_sqlite, primary_code
 
 APPLICATION_ID = 0x7069636F  # "pico"
 LAYOUT = 2  # 1 had no table `window`

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sqlite3
 from pathlib import Path
 
-from instrument.errors import PicoradarError
+from picoradar.instrument.errors import PicoradarError
 
 _WORDS = {
     sqlite3.SQLITE_FULL: "the disk is full",

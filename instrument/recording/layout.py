@@ -14,7 +14,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from instrument.scan_line import ScanLine
+from picoradar.instrument.line.scan_line import ScanLine
 
 POINT = np.dtype(
     [

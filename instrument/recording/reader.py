@@ -14,11 +14,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.recording import rows
-from instrument.recording.cloud import Cloud, cloud_of
-from instrument.recording.errors import RecordingError, from_sqlite
-from instrument.recording.findings import Event, LineCheck
-from instrument.scan_line import ScanLine
+from picoradar.instrument.line.scan_line import ScanLine
+from picoradar.instrument.recording import rows
+from picoradar.instrument.recording.cloud import Cloud, cloud_of
+from picoradar.instrument.recording.errors import RecordingError, from_sqlite
+from picoradar.instrument.recording.findings import Event, LineCheck
 
 
 class Reader:

@@ -9,18 +9,13 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Self
 
-from instrument.recording import rows
-from instrument.recording.database import (
-    checkpoint_if_long,
-    create_database,
-    open_database,
-    to_one_file,
-)
-from instrument.recording.errors import RecordingError, from_sqlite, primary_code
-from instrument.recording.header import canonical, complete_header
-from instrument.recording.reader import Reader
-from instrument.recording.writer_lock import WriterLock
-from instrument.scan_line import ScanLine
+from picoradar.instrument.line.scan_line import ScanLine
+from picoradar.instrument.recording import rows
+from picoradar.instrument.recording.database import checkpoint_if_long, create_database, open_database, to_one_file
+from picoradar.instrument.recording.errors import RecordingError, from_sqlite, primary_code
+from picoradar.instrument.recording.header import canonical, complete_header
+from picoradar.instrument.recording.reader import Reader
+from picoradar.instrument.recording.writer_lock import WriterLock
 
 
 class Recording(Reader):

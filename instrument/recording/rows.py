@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from instrument.recording.layout import (
+from picoradar.instrument.line.scan_line import ScanLine
+from picoradar.instrument.recording.layout import (
     POINT,
     Wave,
     decode_wave,
@@ -16,8 +17,7 @@ from instrument.recording.layout import (
     points_blob,
     points_table,
 )
-from instrument.recording.window_layout import WindowRow, decode_windows, encode_windows
-from instrument.scan_line import ScanLine
+from picoradar.instrument.recording.window_layout import WindowRow, decode_windows, encode_windows
 
 INSERT_LINE = (
     "INSERT INTO line (k, device_time_s, acknowledged_at_s, n, sweeps, crc32, points) VALUES (?, ?, ?, ?, ?, ?, ?)"

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from instrument.line_windows import PULSES, LineWindows
-from instrument.recording.layout import compressed, decompressed, packed_sums, unpacked_sums
+from picoradar.instrument.line.windows import PULSES, LineWindows
+from picoradar.instrument.recording.layout import compressed, decompressed, packed_sums, unpacked_sums
 
 PIECE = np.dtype(
     [

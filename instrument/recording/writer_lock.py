@@ -6,7 +6,7 @@ import os
 import sys
 from pathlib import Path
 
-from instrument.recording.errors import RecordingError
+from picoradar.instrument.recording.errors import RecordingError
 
 if sys.platform == "win32":
     import msvcrt

@@ -1,5 +1,5 @@
 """Reports: a folder with one page that shows whether a scan can be used, and its pictures and data."""
 
-from instrument.report.writing import write_report
+from picoradar.instrument.report.writing import write_report
 
 __all__ = ["write_report"]

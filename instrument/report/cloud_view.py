@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from instrument.recording import Cloud
-from instrument.report.style import INK, new_figure, tidy
+from picoradar.instrument.recording import Cloud
+from picoradar.instrument.report.style import INK, new_figure, tidy
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

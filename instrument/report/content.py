@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from instrument.recording import Cloud, Recording
-from instrument.report.page import Banner
-from instrument.report.style import LIMITS_MM
-from instrument.scan_line import Flag
+from picoradar.instrument.line.scan_line import Flag
+from picoradar.instrument.recording import Cloud, Recording
+from picoradar.instrument.report.page import Banner
+from picoradar.instrument.report.style import LIMITS_MM
 
 if TYPE_CHECKING:
-    from registration import Registration, Target
+    from picoradar.registration import Registration, Target
 
 _VERDICTS = {
     "pass": ("✔", "PASSED", "The pose of the bone is found, and the data hold it in all directions."),

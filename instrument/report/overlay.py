@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.report.style import BONE, CLASSES, INK, ResidualClass, classes_of, new_figure
+from picoradar.instrument.report.style import BONE, CLASSES, INK, ResidualClass, classes_of, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

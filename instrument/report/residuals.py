@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.report.style import ACCENT, CLASSES, INK, LIMITS_MM, SECOND, classes_of, new_figure, tidy
+from picoradar.instrument.report.style import ACCENT, CLASSES, INK, LIMITS_MM, SECOND, classes_of, new_figure, tidy
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from registration.icp import Iteration
+    from picoradar.registration.classic.icp import Iteration
 
 _LINEAR_SPAN = 20.0  # largest over smallest residual that a linear axis still shows well
 

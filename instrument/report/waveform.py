@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.ranging import SPEED_OF_LIGHT_MM_PER_PS, estimate
-from instrument.report.style import ACCENT, INK, SECOND, new_figure, tidy
+from picoradar.instrument.ranging import SPEED_OF_LIGHT_MM_PER_PS, estimate
+from picoradar.instrument.report.style import ACCENT, INK, SECOND, new_figure, tidy
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

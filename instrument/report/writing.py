@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.export import export
-from instrument.recording import Cloud, Recording, plain
-from instrument.report import content
-from instrument.report.cloud_view import draw_cloud
-from instrument.report.overlay import draw_overlay
-from instrument.report.page import Page, Picture
-from instrument.report.residuals import draw_convergence, draw_histogram
-from instrument.report.style import save
-from instrument.report.waveform import draw_waveform
+from picoradar.instrument.files.export import export
+from picoradar.instrument.recording import Cloud, Recording, plain
+from picoradar.instrument.report import content
+from picoradar.instrument.report.cloud_view import draw_cloud
+from picoradar.instrument.report.overlay import draw_overlay
+from picoradar.instrument.report.page import Page, Picture
+from picoradar.instrument.report.residuals import draw_convergence, draw_histogram
+from picoradar.instrument.report.style import save
+from picoradar.instrument.report.waveform import draw_waveform
 
 if TYPE_CHECKING:
-    from registration import Registration
+    from picoradar.registration import Registration
 
 FloatArray = NDArray[np.float64]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from sim.faults.fault import At, Fault
-    from sim.faults.injector import arm
-    from sim.faults.kinds import KINDS
-    from sim.faults.scenario import load_scenario
+    from picoradar.sim.faults.fault import At, Fault
+    from picoradar.sim.faults.injector import arm
+    from picoradar.sim.faults.kinds import KINDS
+    from picoradar.sim.faults.scenario import load_scenario
 
 __all__ = ["KINDS", "At", "Fault", "arm", "load_scenario"]
 
@@ -20,5 +20,5 @@ def __getattr__(name: str) -> Any:
     if name in _HOMES:
         from importlib import import_module
 
-        return getattr(import_module(f"sim.faults.{_HOMES[name]}"), name)
-    raise AttributeError(f"module 'sim.faults' has no attribute {name!r}")
+        return getattr(import_module(f"picoradar.sim.faults.{_HOMES[name]}"), name)
+    raise AttributeError(f"module 'picoradar.sim.faults' has no attribute {name!r}")

@@ -38,7 +38,7 @@ class Fault(_Part):
     Attributes
     ----------
     kind : str
-        A key of `sim.faults.KINDS`.
+        A key of `picoradar.sim.faults.KINDS`.
     link : str
         Which link it is on; ``bench`` for physics.
     at : At

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
-from sim.faults.fault import SERIAL, Fault
-from sim.faults.kind import Kind, Site
-from sim.faults.kinds import KINDS
-from sim.faults.when import Strikes
+from picoradar.sim.faults.fault import SERIAL, Fault
+from picoradar.sim.faults.kind import Kind, Site
+from picoradar.sim.faults.kinds import KINDS
+from picoradar.sim.faults.when import Strikes
 
 if TYPE_CHECKING:
-    from sim.bench import SimulatedBench
+    from picoradar.sim.bench import SimulatedBench
 
 
 _Message = TypeVar("_Message")
@@ -24,7 +24,7 @@ def arm(bench: SimulatedBench, faults: Iterable[Fault]) -> Sequence[Strikes]:
     ----------
     bench : SimulatedBench
     faults : iterable of Fault
-        Checked against `KINDS` (`sim.faults.scenario.checked`).
+        Checked against `KINDS` (`picoradar.sim.faults.scenario.checked`).
 
     Returns
     -------

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sim.faults.fault import Fault, Link
-from sim.faults.when import Strikes
+from picoradar.sim.faults.fault import Fault, Link
+from picoradar.sim.faults.when import Strikes
 
 if TYPE_CHECKING:
-    from sim.bench import SimulatedBench
-    from sim.faults.taps import SerialTap, UsbTap
+    from picoradar.sim.bench import SimulatedBench
+    from picoradar.sim.taps import SerialTap, UsbTap
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from sim.faults.kind import Kind
-from sim.faults.physics_kinds import PHYSICS_KINDS
-from sim.faults.serial_kinds import SERIAL_KINDS
-from sim.faults.signal_kinds import SIGNAL_KINDS
-from sim.faults.usb_kinds import USB_KINDS
+from picoradar.sim.faults.kind import Kind
+from picoradar.sim.faults.physics_kinds import PHYSICS_KINDS
+from picoradar.sim.faults.serial_kinds import SERIAL_KINDS
+from picoradar.sim.faults.signal_kinds import SIGNAL_KINDS
+from picoradar.sim.faults.usb_kinds import USB_KINDS
 
 KINDS: dict[str, Kind] = {**SERIAL_KINDS, **USB_KINDS, **SIGNAL_KINDS, **PHYSICS_KINDS}

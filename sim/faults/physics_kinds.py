@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.faults.fault import BENCH
-from sim.faults.kind import End, Kind, Site
-from sim.faults.signal_kinds import before
+from picoradar.sim.faults.fault import BENCH
+from picoradar.sim.faults.kind import End, Kind, Site
+from picoradar.sim.faults.signal_kinds import before
 
 
 def _clock_unlocked(site: Site) -> End:

@@ -9,8 +9,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from sim.faults.fault import Fault
-from sim.faults.kinds import KINDS
+from picoradar.sim.faults.fault import Fault
+from picoradar.sim.faults.kinds import KINDS
 
 
 def load_scenario(path: Path) -> list[Fault]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from sim.faults.fault import SERIAL
-from sim.faults.kind import End, Kind, Site
-from sim.faults.taps import Pieces
+from picoradar.sim.faults.fault import SERIAL
+from picoradar.sim.faults.kind import End, Kind, Site
+from picoradar.sim.taps import Pieces
 
 Mangle = Callable[[Site, bytes, float], Pieces]
 

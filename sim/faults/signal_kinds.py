@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.faults.fault import BENCH
-from sim.faults.kind import End, Kind, Site
-from sim.wires import Acquisition
+from picoradar.sim.faults.fault import BENCH
+from picoradar.sim.faults.kind import End, Kind, Site
+from picoradar.sim.wires import Acquisition
 
 Sums = NDArray[np.uint32]
 REFERENCE_ENDS_PS = 8300.0  # the reference crosses at about 7.3 ns, an echo at 620 mm at about 8.6 ns: it begins here

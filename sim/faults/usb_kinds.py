@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from drivers import sbp
-from drivers.sbp import Request
-from sim.faults.fault import USB
-from sim.faults.kind import End, Kind, Site
-from sim.faults.serial_kinds import flipped
-from sim.faults.taps import CONTROL_TIMEOUT_S
-from sim.usb import errors
-from sim.usb.bus import InTransfer, SimUsbDevice
-from sim.usb.firmware import Setup
+from picoradar.drivers.bridge import sbp
+from picoradar.drivers.bridge.sbp import Request
+from picoradar.sim.faults.fault import USB
+from picoradar.sim.faults.kind import End, Kind, Site
+from picoradar.sim.faults.serial_kinds import flipped
+from picoradar.sim.taps import CONTROL_TIMEOUT_S
+from picoradar.sim.usb import errors
+from picoradar.sim.usb.bus import InTransfer, SimUsbDevice
+from picoradar.sim.usb.firmware import Setup
 
 HEADER_BYTES = 52
 

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from drivers.clock import Clock
-from sim.faults.fault import Fault
+from picoradar.drivers.clock import Clock
+from picoradar.sim.faults.fault import Fault
 
 
 class Strikes:

@@ -3,9 +3,9 @@
 With it a bug report becomes a test: the same driver calls meet the same bytes at the same device times.
 """
 
-from sim.replay.bench import ReplayedBench
-from sim.replay.script import ReplayMismatch
-from sim.replay.serial_device import SerialReplay
-from sim.replay.usb_device import UsbReplay
+from picoradar.sim.replay.bench import ReplayedBench
+from picoradar.sim.replay.script import ReplayMismatch
+from picoradar.sim.replay.serial_device import SerialReplay
+from picoradar.sim.replay.usb_device import UsbReplay
 
 __all__ = ["ReplayMismatch", "ReplayedBench", "SerialReplay", "UsbReplay"]

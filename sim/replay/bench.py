@@ -6,12 +6,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from drivers.clock import VirtualClock
-from drivers.transcript import read_transcript
-from sim.ports import SerialWire, new_bench_name, publish, withdraw
-from sim.replay.serial_device import SerialReplay
-from sim.replay.usb_device import UsbReplay
-from sim.usb.backend import SimUsbBackend
+from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.links.transcript import read_transcript
+from picoradar.sim.ports.wire import SerialWire, new_bench_name, publish, withdraw
+from picoradar.sim.replay.serial_device import SerialReplay
+from picoradar.sim.replay.usb_device import UsbReplay
+from picoradar.sim.usb.backend import SimUsbBackend
 
 
 class ReplayedBench:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from drivers.transcript import Event
-from sim.replay.script import Script
+from picoradar.drivers.links.transcript import Event
+from picoradar.sim.replay.script import Script
 
 
 class SerialReplay:
-    """A serial device that plays its part of a transcript; satisfies `sim.ports.SerialFirmware`.
+    """A serial device that plays its part of a transcript; satisfies `picoradar.sim.ports.wire.SerialFirmware`.
 
     Parameters
     ----------

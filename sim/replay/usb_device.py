@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from drivers.clock import VirtualClock
-from drivers.transcript import Event
-from sim.replay.script import Script
-from sim.usb.descriptors import HIGH_SPEED, Configuration, Device, Endpoint, Interface
-from sim.usb.firmware import Setup, UsbStall
+from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.links.transcript import Event
+from picoradar.sim.replay.script import Script
+from picoradar.sim.usb.descriptors import HIGH_SPEED, Configuration, Device, Endpoint, Interface
+from picoradar.sim.usb.firmware import Setup, UsbStall
 
 
 class UsbReplay:
-    """A USB device that plays its part of a transcript; satisfies `sim.usb.UsbFirmware`.
+    """A USB device that plays its part of a transcript; satisfies `picoradar.sim.usb.UsbFirmware`.
 
     Parameters
     ----------

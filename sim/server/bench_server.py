@@ -8,12 +8,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from sim.bench import SimulatedBench
-from sim.server.event_loop import EventLoop
-from sim.server.served_port import ServedPort
-from sim.server.usb_server import UsbServer
+from picoradar.sim.bench import SimulatedBench
+from picoradar.sim.server.event_loop import EventLoop
+from picoradar.sim.server.served_port import ServedPort
+from picoradar.sim.server.usb_server import UsbServer
 
-USB_BACKEND = "sim.usb.forward:backend"
+USB_BACKEND = "picoradar.sim.usb.forward:backend"
 
 
 class BenchServer:

@@ -12,7 +12,7 @@ import selectors
 from collections.abc import Callable
 from typing import Protocol
 
-from drivers.clock import ScaledClock, VirtualClock
+from picoradar.drivers.clock import ScaledClock, VirtualClock
 
 STEP_S = 0.02  # of the bench's time; a computer that is later than this is slow
 LOOK_S = 0.1  # longest wait (wall), so that a request to stop is seen

@@ -9,13 +9,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sim.ports import SerialWire
-from sim.server.event_loop import EventLoop
-from sim.server.socket_end import SocketEnd
-from sim.server.uart import heard
+from picoradar.sim.ports.wire import SerialWire
+from picoradar.sim.server.event_loop import EventLoop
+from picoradar.sim.server.socket_end import SocketEnd
+from picoradar.sim.server.uart import heard
 
 if TYPE_CHECKING:
-    from sim.server.pty_end import PtyEnd
+    from picoradar.sim.server.pty_end import PtyEnd
 
 PIECE_S = 1e-3  # an answer reaches the host in pieces of this length (wall)
 
@@ -110,6 +110,6 @@ class ServedPort:
 def _make_pty(name: Path | None, baud: int) -> PtyEnd | None:
     if name is None:
         return None
-    from sim.server.pty_end import PtyEnd  # where there are no ptys its imports fail
+    from picoradar.sim.server.pty_end import PtyEnd  # where there are no ptys its imports fail
 
     return PtyEnd(name, baud)

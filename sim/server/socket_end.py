@@ -7,7 +7,7 @@ import socket
 import sys
 from collections.abc import Callable
 
-from sim.server.event_loop import EventLoop
+from picoradar.sim.server.event_loop import EventLoop
 
 LOOPBACK = "127.0.0.1"
 CHUNK = 4096

@@ -1,4 +1,4 @@
-"""USB devices of the bench for other processes: the server's end of `sim.usb.forward`."""
+"""USB devices of the bench for other processes: the server's end of `picoradar.sim.usb.forward`."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any
 
 import usb.core
 
-from sim.server.event_loop import EventLoop
-from sim.server.usb_operations import Answer, are_arguments, control, read, refused, writer
-from sim.usb import errors
-from sim.usb.backend import SimUsbBackend
-from sim.usb.bus import SimUsbDevice
-from sim.usb.frames import BadFrame, send_frame, take_frame
+from picoradar.sim.server.event_loop import EventLoop
+from picoradar.sim.server.usb_operations import Answer, are_arguments, control, read, refused, writer
+from picoradar.sim.usb import errors
+from picoradar.sim.usb.backend import SimUsbBackend
+from picoradar.sim.usb.bus import SimUsbDevice
+from picoradar.sim.usb.frames import BadFrame, send_frame, take_frame
 
 LOOPBACK = "127.0.0.1"
 SEND_LIMIT_S = 1.0  # a host that does not take its answer within this time is given up
@@ -44,7 +44,7 @@ class UsbServer:
 
     @property
     def address(self) -> str:
-        """Get the argument of `sim.usb.forward.backend`."""
+        """Get the argument of `picoradar.sim.usb.forward.backend`."""
         return f"{LOOPBACK}:{self._listener.getsockname()[1]}"
 
     def close(self) -> None:

@@ -7,11 +7,11 @@ from array import array
 from collections.abc import Iterable
 from typing import Any
 
-from drivers.clock import Clock
-from sim.usb import errors
-from sim.usb.bus import SimUsbDevice
-from sim.usb.described import DescribedBackend
-from sim.usb.firmware import Setup, UsbFirmware
+from picoradar.drivers.clock import Clock
+from picoradar.sim.usb import errors
+from picoradar.sim.usb.bus import SimUsbDevice
+from picoradar.sim.usb.described import DescribedBackend
+from picoradar.sim.usb.firmware import Setup, UsbFirmware
 
 
 class _Handle:

@@ -13,10 +13,10 @@ from array import array
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from drivers.clock import Clock
-from sim.usb import descriptors as d
-from sim.usb import errors
-from sim.usb.firmware import Setup, UsbFirmware, UsbStall
+from picoradar.drivers.clock import Clock
+from picoradar.sim.usb import descriptors as d
+from picoradar.sim.usb import errors
+from picoradar.sim.usb.firmware import Setup, UsbFirmware, UsbStall
 
 _FRAME_S = {d.FULL_SPEED: 1e-3, d.HIGH_SPEED: 125e-6}
 _BYTES_PER_S = {d.FULL_SPEED: 19 * 64 / 1e-3, d.HIGH_SPEED: 40e6}

@@ -9,8 +9,8 @@ from typing import Any, Protocol
 
 import usb.backend
 
-from sim.usb import errors
-from sim.usb.descriptors import Configuration, Device, Endpoint, Interface
+from picoradar.sim.usb import errors
+from picoradar.sim.usb.descriptors import Configuration, Device, Endpoint, Interface
 
 BUS = 1
 _DEVICE_FIELDS = (

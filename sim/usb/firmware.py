@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from sim.usb.descriptors import Device
+from picoradar.sim.usb.descriptors import Device
 
 
 class UsbStall(Exception):

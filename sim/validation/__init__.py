@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim.validation.figures import Check
-from sim.validation.run import validate
+from picoradar.sim.validation.figures import Check
+from picoradar.sim.validation.run import validate
 
 __all__ = ["Check", "validate"]

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.clock import VirtualClock
-from sim.noise import Noise
-from sim.optics import LIGHT_MM_PER_PS, Optics, Truth
-from sim.scanner import Beam, MirrorPair, trace
-from sim.settings import SimulationSettings
-from sim.targets import build_scene
-from sim.thermal import DiodeBlock
-from sim.transmitter import OPERATING_DEGC, OPERATING_V
-from sim.wires import Acquisition, TriggerLine
+from picoradar.drivers.clock import VirtualClock
+from picoradar.sim.physics.mirrors import Beam, MirrorPair, trace
+from picoradar.sim.physics.noise import Noise
+from picoradar.sim.physics.optics import LIGHT_MM_PER_PS, Optics, Truth
+from picoradar.sim.physics.targets import build_scene
+from picoradar.sim.physics.thermal import DiodeBlock
+from picoradar.sim.physics.transmitter import OPERATING_DEGC, OPERATING_V
+from picoradar.sim.settings import SimulationSettings
+from picoradar.sim.wires import Acquisition, TriggerLine
 
 FloatArray = NDArray[np.float64]
 

@@ -4,10 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim.materials import WHITE
-from sim.transmitter import Transmitter
-from sim.validation.bench import REFERENCE_WINDOW_PS, STEP_PS, TIMES_PS, Bench, FloatArray, half_maximum_ps, painted
-from sim.validation.figures import Check, Part, axes
+from picoradar.sim.physics.materials import WHITE
+from picoradar.sim.physics.transmitter import Transmitter
+from picoradar.sim.validation.bench import (
+    REFERENCE_WINDOW_PS,
+    STEP_PS,
+    TIMES_PS,
+    Bench,
+    FloatArray,
+    half_maximum_ps,
+    painted,
+)
+from picoradar.sim.validation.figures import Check, Part, axes
 
 READINGS = 1600
 AMPLIFIER_GAIN = 34.0

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim.settings import SimulationSettings
-from sim.transmitter import LaserPulse, Transmitter
-from sim.validation.figures import Check, Part, axes
+from picoradar.sim.physics.transmitter import LaserPulse, Transmitter
+from picoradar.sim.settings import SimulationSettings
+from picoradar.sim.validation.figures import Check, Part, axes
 
 
 def laser() -> Part:

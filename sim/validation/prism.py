@@ -6,8 +6,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from sim.validation.bench import Bench, FloatArray
-from sim.validation.figures import Check, Part, axes
+from picoradar.sim.validation.bench import Bench, FloatArray
+from picoradar.sim.validation.figures import Check, Part, axes
 
 DISTANCE_MM = 900.0
 COLUMNS, ROWS = 81, 41  # 0.5 mm and 1 mm in the base: 1 mm and 1 mm in height and along the ridge

@@ -7,12 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from sim.validation.distance import distance
-from sim.validation.figures import Check, Part
-from sim.validation.laser import laser
-from sim.validation.prism import prism
-from sim.validation.scanning import scanning
-from sim.validation.socket import socket
+from picoradar.sim.validation.distance import distance
+from picoradar.sim.validation.figures import Check, Part
+from picoradar.sim.validation.laser import laser
+from picoradar.sim.validation.prism import prism
+from picoradar.sim.validation.scanning import scanning
+from picoradar.sim.validation.socket import socket
 
 SEED = 2004
 PARTS: dict[str, Callable[[int], Part]] = {

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from drivers.clock import VirtualClock
-from sim.drift import SlowDrift
-from sim.noise import Noise
-from sim.optics import LIGHT_MM_PER_PS
-from sim.scanner import FULL_FIELD_DEG, MirrorPair
-from sim.settings import SimulationSettings
-from sim.validation.figures import Check, Part, axes
+from picoradar.drivers.clock import VirtualClock
+from picoradar.sim.physics.drift import SlowDrift
+from picoradar.sim.physics.mirrors import FULL_FIELD_DEG, MirrorPair
+from picoradar.sim.physics.noise import Noise
+from picoradar.sim.physics.optics import LIGHT_MM_PER_PS
+from picoradar.sim.settings import SimulationSettings
+from picoradar.sim.validation.figures import Check, Part, axes
 
 AT_MM = 1000.0
 READ_AFTER_S = 2e-3  # when the servo has arrived

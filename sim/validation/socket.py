@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim.tissue import FOSSA_MM
-from sim.validation.bench import TIMES_PS, Bench, FloatArray
-from sim.validation.figures import Check, Part, axes
+from picoradar.sim.physics.tissue import FOSSA_MM
+from picoradar.sim.validation.bench import TIMES_PS, Bench, FloatArray
+from picoradar.sim.validation.figures import Check, Part, axes
 
 HALF_MM, STEP_MM = 19.5, 1.5
 

@@ -10,16 +10,16 @@ from collections.abc import Callable, Iterator, Sequence
 
 import pytest
 
-import sim.handlers  # noqa: F401  (makes sim:// known to pyserial)
-from drivers.clock import VirtualClock
-from drivers.serial_link import SerialLink
-from sim.ports import SerialFirmware, SerialWire, new_bench_name, publish, withdraw
+import picoradar.sim.ports  # noqa: F401  (makes sim:// known to pyserial)
+from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.links.serial import SerialLink
+from picoradar.sim.ports.wire import SerialFirmware, SerialWire, new_bench_name, publish, withdraw
 
 Exchange = tuple[bytes, bytes]
 
 
 class Script:
-    """A device that plays a list of exchanges; satisfies `sim.ports.SerialFirmware`."""
+    """A device that plays a list of exchanges; satisfies `picoradar.sim.ports.wire.SerialFirmware`."""
 
     baud = 9600
 

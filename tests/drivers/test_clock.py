@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.clock import Clock, ScaledClock, VirtualClock, WallClock
+from picoradar.drivers.clock import Clock, ScaledClock, VirtualClock, WallClock
 
 
 @pytest.mark.parametrize("make", [VirtualClock, WallClock, lambda: ScaledClock(10.0)])

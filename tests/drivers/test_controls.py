@@ -9,17 +9,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers import dg645_wire, genesys_wire
-from drivers.controls import Control, Reading
-from drivers.dg645 import DG645
-from drivers.dg645_output import OutputPort
-from drivers.errors import LimitError, ProtocolError
-from drivers.genesys import Genesys
-from drivers.mecom import Tec
-from drivers.mecom_wire import decode, decode_float, decode_int, encode, encode_float, encode_int
-from drivers.numerals import read_number
-from sim.firmware.dg645_delays import DelayTree
-from sim.firmware.dg645_settings import number
+from picoradar.drivers.dg645 import wire as dg645_wire
+from picoradar.drivers.dg645.driver import DG645
+from picoradar.drivers.dg645.output import OutputPort
+from picoradar.drivers.errors import LimitError, ProtocolError
+from picoradar.drivers.genesys import wire as genesys_wire
+from picoradar.drivers.genesys.driver import Genesys
+from picoradar.drivers.links.controls import Control, Reading
+from picoradar.drivers.links.numerals import read_number
+from picoradar.drivers.mecom.driver import Tec
+from picoradar.drivers.mecom.wire import decode, decode_float, decode_int, encode, encode_float, encode_int
+from picoradar.sim.firmware.dg645.delays import DelayTree
+from picoradar.sim.firmware.dg645.settings import number
 
 MANY = settings(deadline=None, max_examples=100)
 

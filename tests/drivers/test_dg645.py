@@ -7,11 +7,20 @@ from pathlib import Path
 
 import pytest
 
-from drivers.dg645 import DG645
-from drivers.dg645_wire import Channel, Delay, Inhibit, InstrumentStatus, Output, TriggerSource, encode, format_number
-from drivers.errors import DeviceFault, LimitError, ProtocolError, Timeout
-from sim.firmware.dg645 import Dg645Firmware
-from sim.wires import InterlockChain, TriggerLine
+from picoradar.drivers.dg645.driver import DG645
+from picoradar.drivers.dg645.wire import (
+    Channel,
+    Delay,
+    Inhibit,
+    InstrumentStatus,
+    Output,
+    TriggerSource,
+    encode,
+    format_number,
+)
+from picoradar.drivers.errors import DeviceFault, LimitError, ProtocolError, Timeout
+from picoradar.sim.firmware.dg645.device import Dg645Firmware
+from picoradar.sim.wires import InterlockChain, TriggerLine
 
 IDN = b"Stanford Research Systems,DG645,s/n001013,ver1.02.0A\r\n"
 CHECK = (b"LERR?\n", b"0\r\n")

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from drivers.errors import DeviceFault, LimitError, ProtocolError, Timeout
-from drivers.genesys import Genesys
-from drivers.genesys_wire import Fault, Filter, Remote, Status, checksum, decode, encode, parse_rating
-from sim.firmware.genesys import GenesysFirmware
-from sim.wires import InterlockChain
+from picoradar.drivers.errors import DeviceFault, LimitError, ProtocolError, Timeout
+from picoradar.drivers.genesys.driver import Genesys
+from picoradar.drivers.genesys.wire import Fault, Filter, Remote, Status, checksum, decode, encode, parse_rating
+from picoradar.sim.firmware.genesys.device import GenesysFirmware
+from picoradar.sim.wires import InterlockChain
 
 GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "genesys.toml").read_text())
 SHEET = [(sent.encode(), reply.encode()) for sent, reply in GOLDEN["exchange"]]

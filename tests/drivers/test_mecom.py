@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from drivers.errors import DeviceFault, LimitError, LinkLost, ProtocolError, Timeout
-from drivers.mecom import Tec
-from drivers.mecom_parameters import DeviceStatus, Kind, OutputEnable, OutputStageInput, Stability
-from drivers.mecom_session import MeCom
-from drivers.mecom_wire import crc16, decode, decode_float, decode_int, encode, encode_float, encode_int
-from sim.firmware.mecom import TecFirmware
-from sim.ports import wire_at
+from picoradar.drivers.errors import DeviceFault, LimitError, LinkLost, ProtocolError, Timeout
+from picoradar.drivers.mecom.driver import Tec
+from picoradar.drivers.mecom.parameters import DeviceStatus, Kind, OutputEnable, OutputStageInput, Stability
+from picoradar.drivers.mecom.session import MeCom
+from picoradar.drivers.mecom.wire import crc16, decode, decode_float, decode_int, encode, encode_float, encode_int
+from picoradar.sim.firmware.mecom.device import TecFirmware
+from picoradar.sim.ports.wire import wire_at
 
 GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "mecom.toml").read_text())
 PRINTED = [(sent.encode(), reply.encode()) for sent, reply in GOLDEN["printed"]]

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from drivers.dg645 import DG645
-from drivers.errors import DeviceFault, LimitError, LinkLost
-from drivers.genesys import Genesys
-from drivers.interfaces import Pulser as PulserInterface
-from drivers.pulser import Pulser
-from sim.firmware.dg645 import Dg645Firmware
-from sim.firmware.genesys import GenesysFirmware
-from sim.ports import wire_at
-from sim.wires import InterlockChain, TriggerLine
+from picoradar.drivers.dg645.driver import DG645
+from picoradar.drivers.errors import DeviceFault, LimitError, LinkLost
+from picoradar.drivers.genesys.driver import Genesys
+from picoradar.drivers.interfaces import Pulser as PulserInterface
+from picoradar.drivers.pulser import Pulser
+from picoradar.sim.firmware.dg645.device import Dg645Firmware
+from picoradar.sim.firmware.genesys.device import GenesysFirmware
+from picoradar.sim.ports.wire import wire_at
+from picoradar.sim.wires import InterlockChain, TriggerLine
 
 
 class Bench:

@@ -10,11 +10,11 @@ import serial
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import sim.handlers  # noqa: F401  (makes sim:// known to pyserial)
-from drivers.clock import VirtualClock, WallClock
-from drivers.errors import LinkLost, ProtocolError, Timeout
-from drivers.serial_link import SerialLink
-from sim.ports import SerialWire, new_bench_name, publish, wire_at, withdraw
+import picoradar.sim.ports  # noqa: F401  (makes sim:// known to pyserial)
+from picoradar.drivers.clock import VirtualClock, WallClock
+from picoradar.drivers.errors import LinkLost, ProtocolError, Timeout
+from picoradar.drivers.links.serial import SerialLink
+from picoradar.sim.ports.wire import SerialWire, new_bench_name, publish, wire_at, withdraw
 
 
 class Echo:

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from drivers.errors import DeviceFault, LimitError, ProtocolError, Timeout
-from drivers.interfaces import TemperatureController
-from drivers.tc200 import TC200
-from drivers.tc200_wire import Mode, Sensor, Status, read_gains, read_temperature, split_answer
-from sim.firmware.tc200 import Tc200Firmware
+from picoradar.drivers.errors import DeviceFault, LimitError, ProtocolError, Timeout
+from picoradar.drivers.interfaces import TemperatureController
+from picoradar.drivers.tc200.driver import TC200
+from picoradar.drivers.tc200.wire import Mode, Sensor, Status, read_gains, read_temperature, split_answer
+from picoradar.sim.firmware.tc200.device import Tc200Firmware
 
 GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "tc200.toml").read_text())
 ((sent, reply),) = GOLDEN["exchange"]

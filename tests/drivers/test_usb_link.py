@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 import usb.core
 
-from drivers.clock import VirtualClock
-from drivers.errors import LinkLost, ProtocolError, Stall, Timeout
-from drivers.usb_link import UsbLink
-from sim.usb import Setup, SimUsbBackend
-from sim.usb.descriptors import BULK, Configuration, Device, Endpoint, Interface
+from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.errors import LinkLost, ProtocolError, Stall, Timeout
+from picoradar.drivers.links.usb import UsbLink
+from picoradar.sim.usb import Setup, SimUsbBackend
+from picoradar.sim.usb.descriptors import BULK, Configuration, Device, Endpoint, Interface
 
 
 class Silent:

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers import scpi_waveform as scpi
-from drivers import usbtmc_wire as tmc
-from drivers.scope_record import waveform_record
-from drivers.scpi_waveform import BadWaveform
-from drivers.usbtmc_wire import BadHeader
+from picoradar.drivers.links import usbtmc_wire as tmc
+from picoradar.drivers.links.usbtmc_wire import BadHeader
+from picoradar.drivers.oscilloscope import waveform as scpi
+from picoradar.drivers.oscilloscope.record import waveform_record
+from picoradar.drivers.oscilloscope.waveform import BadWaveform
 
 _TEXT = (Path(__file__).parents[1] / "golden" / "usbtmc.toml").read_text()
 GOLDEN = {name: bytes.fromhex(text) for name, text in tomllib.loads(_TEXT).items()}

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from recording_writer import make_line
 
-from instrument.recording import Recording, RecordingError
+from picoradar.instrument.recording import Recording, RecordingError
 
 LINES, SIZE = 2, (6, 40)
 HEADER = {"raster": {"rows": LINES, "columns": SIZE[0]}}

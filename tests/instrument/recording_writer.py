@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from instrument.line_windows import LineWindows
-from instrument.recording import Recording
-from instrument.scan_line import ScanLine
+from picoradar.instrument.line.scan_line import ScanLine
+from picoradar.instrument.line.windows import LineWindows
+from picoradar.instrument.recording import Recording
 
 ROWS, COLUMNS, SAMPLES = 100_000, 40, 300
 

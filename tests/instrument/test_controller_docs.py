@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from instrument.controller import STATES
-from instrument.controller.page import renewed
+from picoradar.instrument.controller import STATES
+from picoradar.instrument.controller.page import renewed
 
 ROOT = Path(__file__).parents[2]
 
 
 def test_the_page_of_the_controller_is_up_to_date() -> None:
     page = (ROOT / "docs" / "controller.md").read_text(encoding="utf-8")
-    assert page == renewed(page), "run: python -m instrument.controller.page docs/controller.md"
+    assert page == renewed(page), "run: python -m picoradar.instrument.controller.page docs/controller.md"
     assert all(f"| `{state}` |" in page for state in STATES)
 
 

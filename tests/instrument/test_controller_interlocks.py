@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.clock import VirtualClock
-from drivers.interfaces import PulserStatus, SamplerStatus, TemperatureStatus
-from instrument.controller.exposure import exposure_of, refuse_above_class_1
-from instrument.controller.interlocks import Interlock, Readings, interlocks
-from instrument.controller.panel import Panel
-from instrument.errors import InterlockTripped
-from instrument.settings import Settings, override
+from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.interfaces import PulserStatus, SamplerStatus, TemperatureStatus
+from picoradar.instrument.controller.exposure import exposure_of, refuse_above_class_1
+from picoradar.instrument.controller.interlocks import Interlock, Readings, interlocks
+from picoradar.instrument.controller.panel import Panel
+from picoradar.instrument.errors import InterlockTripped
+from picoradar.instrument.settings.tables import Settings, override
 
 
 def diode(degc: float, **changes: Any) -> Readings:

@@ -6,8 +6,8 @@ import threading
 
 import pytest
 
-from instrument.controller.requests import EndScan, Requests
-from instrument.errors import InterlockTripped
+from picoradar.instrument.controller.requests import EndScan, Requests
+from picoradar.instrument.errors import InterlockTripped
 
 
 def asked(*what: str) -> Requests:

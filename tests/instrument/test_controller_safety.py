@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from drivers.errors import DeviceFault, LinkLost
-from instrument.controller import make_safe
-from instrument.controller.safety import VERIFIED
+from picoradar.drivers.errors import DeviceFault, LinkLost
+from picoradar.instrument.controller import make_safe
+from picoradar.instrument.controller.safety import VERIFIED
 
 
 class Steps:

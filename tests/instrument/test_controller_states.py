@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from instrument.controller import STATES, TRANSITIONS, allowed_verbs, diagram
-from instrument.controller.machine import StateMachine
-from instrument.errors import NotAllowed
+from picoradar.instrument.controller import STATES, TRANSITIONS, allowed_verbs, diagram
+from picoradar.instrument.controller.machine import StateMachine
+from picoradar.instrument.errors import NotAllowed
 
 
 def machine() -> tuple[StateMachine, list[tuple[str, str, str]]]:

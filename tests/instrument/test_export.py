@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from instrument.export import ExportError, export
-from instrument.point_files import read_points
-from instrument.recording import Recording, RecordingError
-from instrument.scan_line import Flag, ScanLine
+from picoradar.instrument.files.export import ExportError, export
+from picoradar.instrument.files.points import read_points
+from picoradar.instrument.line.scan_line import Flag, ScanLine
+from picoradar.instrument.recording import Recording, RecordingError
 
 HEADER = {
     "raster": {"rows": 3, "columns": 5, "step_mm": 1.0, "mode": "sweep", "averages": 8},

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from instrument.ranging import Ranges, mark_footprint
-from instrument.scan_line import Flag
+from picoradar.instrument.line.scan_line import Flag
+from picoradar.instrument.ranging import Ranges, mark_footprint
 
 
 def mixed(range_mm: np.ndarray, response_mv: np.ndarray | None = None, **more: object) -> list[int]:

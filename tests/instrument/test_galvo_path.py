@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from instrument.errors import BadInput
-from instrument.galvo_path import LONGEST_PATH, SENT_PER_S, SPARE_S, Stop, lay_path
+from picoradar.instrument.acquisition.galvo_path import LONGEST_PATH, SENT_PER_S, SPARE_S, Stop, lay_path
+from picoradar.instrument.errors import BadInput
 
 
 def test_every_mark_has_its_wait_before_and_its_record_behind() -> None:

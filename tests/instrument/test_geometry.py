@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.errors import LimitError
-from instrument.calibration import ScannerErrors
-from instrument.geometry import (
+from picoradar.drivers.errors import LimitError
+from picoradar.instrument.calibration.file import ScannerErrors
+from picoradar.instrument.calibration.geometry import (
     angles_and_range,
     angles_to_codes,
     asked_angles,

@@ -8,9 +8,9 @@ import json
 import numpy as np
 import pytest
 
-from instrument.motion import MotionWatch
-from instrument.ranging import Ranges
-from instrument.scan_line import Flag
+from picoradar.instrument.acquisition.motion import MotionWatch
+from picoradar.instrument.line.scan_line import Flag
+from picoradar.instrument.ranging import Ranges
 
 SD_MM = 0.13
 

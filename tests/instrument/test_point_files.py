@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instrument.point_files import PointFileError, read_points
-from instrument.recording import RecordingError
+from picoradar.instrument.files.points import PointFileError, read_points
+from picoradar.instrument.recording import RecordingError
 
 POINTS = [[1.5, -2.0, 900.25], [3.0, 4.0, 901.0]]
 

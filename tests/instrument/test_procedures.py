@@ -7,15 +7,15 @@ import datetime
 import numpy as np
 import pytest
 
-from instrument.calibration import Calibration, ScannerErrors, Walk
-from instrument.calibration_checks import differences, out_of_date
-from instrument.procedures import PROCEDURES
-from instrument.procedures.drift import allan_deviation, warm_after
-from instrument.procedures.findings import lost_readings
-from instrument.procedures.light import Light
-from instrument.procedures.prism_body import distances, model_places
-from instrument.procedures.transmitter import measured
-from instrument.settings import Settings, override
+from picoradar.instrument.calibration.checks import differences, out_of_date
+from picoradar.instrument.calibration.file import Calibration, ScannerErrors, Walk
+from picoradar.instrument.procedures import PROCEDURES
+from picoradar.instrument.procedures.drift import allan_deviation, warm_after
+from picoradar.instrument.procedures.prism.body import distances, model_places
+from picoradar.instrument.procedures.station.findings import lost_readings
+from picoradar.instrument.procedures.station.light import Light
+from picoradar.instrument.procedures.transmitter import measured
+from picoradar.instrument.settings.tables import Settings, override
 
 DATE = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 CALIBRATION = Calibration(

@@ -9,12 +9,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instrument.calibration import Calibration
-from instrument.geometry import codes_to_angles
-from instrument.procedures.plane_fit import PlaneFit, fit_planes, stacked
-from instrument.procedures.plane_poses import DEFAULT_POSES, Pose, next_pose, plane_of, synthetic
-from instrument.procedures.plane_words import in_words
-from instrument.procedures.planes import PARAMETERS, PLANE_SIZES, SIZES, FloatArray, PlaneScan, beams, fitted_plane
+from picoradar.instrument.calibration.file import Calibration
+from picoradar.instrument.calibration.geometry import codes_to_angles
+from picoradar.instrument.procedures.geometry.plane_fit import PlaneFit, fit_planes, stacked
+from picoradar.instrument.procedures.geometry.plane_poses import DEFAULT_POSES, Pose, next_pose, plane_of, synthetic
+from picoradar.instrument.procedures.geometry.plane_words import in_words
+from picoradar.instrument.procedures.geometry.planes import (
+    PARAMETERS,
+    PLANE_SIZES,
+    SIZES,
+    FloatArray,
+    PlaneScan,
+    beams,
+    fitted_plane,
+)
 
 NOISE_MM = 0.05
 BEFORE = Calibration(

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from instrument import ranging
-from instrument.calibration import Calibration, Walk
-from instrument.errors import BadInput
-from instrument.ranging import SPEED_OF_LIGHT_MM_PER_PS, RangingSettings
-from instrument.ranging.half_maximum import LAST_CROSSING
-from instrument.scan_line import Flag
+from picoradar.instrument import ranging
+from picoradar.instrument.calibration.file import Calibration, Walk
+from picoradar.instrument.errors import BadInput
+from picoradar.instrument.line.scan_line import Flag
+from picoradar.instrument.ranging import SPEED_OF_LIGHT_MM_PER_PS, RangingSettings
+from picoradar.instrument.ranging.half_maximum import LAST_CROSSING
 
 estimate = functools.partial(ranging.estimate, method="half-maximum")
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from instrument.errors import BadInput
-from instrument.ranging import average_ranges, average_sweeps
+from picoradar.instrument.errors import BadInput
+from picoradar.instrument.ranging import average_ranges, average_sweeps
 
 
 @pytest.fixture

@@ -7,9 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from instrument.calibration import Calibration, Method
-from instrument.ranging import Place, Ranges, Window, WindowTraces, estimate, estimate_places, estimate_windows
-from instrument.scan_line import NO_RANGE, Flag
+from picoradar.instrument.calibration.file import Calibration, Method
+from picoradar.instrument.line.scan_line import NO_RANGE, Flag
+from picoradar.instrument.ranging import (
+    Place,
+    Ranges,
+    Window,
+    WindowTraces,
+    estimate,
+    estimate_places,
+    estimate_windows,
+)
 
 Receiver = Any  # SyntheticReceiver of conftest.py
 

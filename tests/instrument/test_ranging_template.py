@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from instrument.calibration import Calibration
-from instrument.errors import BadInput
-from instrument.ranging import estimate, learn
-from instrument.scan_line import Flag
+from picoradar.instrument.calibration.file import Calibration
+from picoradar.instrument.errors import BadInput
+from picoradar.instrument.line.scan_line import Flag
+from picoradar.instrument.ranging import estimate, learn
 
 Receiver = Any  # SyntheticReceiver of conftest.py
 INTERVAL = 4120.77

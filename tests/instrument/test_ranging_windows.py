@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from instrument.calibration import Calibration
-from instrument.errors import BadInput
-from instrument.ranging import (
+from picoradar.instrument.calibration.file import Calibration
+from picoradar.instrument.errors import BadInput
+from picoradar.instrument.line.scan_line import Flag
+from picoradar.instrument.ranging import (
     Place,
     PlanSettings,
     Ranges,
@@ -20,8 +21,7 @@ from instrument.ranging import (
     estimate_windows,
     with_retaken,
 )
-from instrument.ranging.window import promised_sd_mm
-from instrument.scan_line import Flag
+from picoradar.instrument.ranging.windows.fit import promised_sd_mm
 
 Receiver = Any  # SyntheticReceiver of conftest.py
 INTERVAL = 4120.77

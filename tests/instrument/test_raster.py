@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drivers.errors import LimitError
-from instrument.calibration import ScannerErrors
-from instrument.errors import BadInput
-from instrument.geometry import codes_to_angles, true_angles
-from instrument.raster import Raster
+from picoradar.drivers.errors import LimitError
+from picoradar.instrument.acquisition.raster import Raster
+from picoradar.instrument.calibration.file import ScannerErrors
+from picoradar.instrument.calibration.geometry import codes_to_angles, true_angles
+from picoradar.instrument.errors import BadInput
 
 
 def on_plane(angles: np.ndarray, z: float, separation: float) -> np.ndarray:

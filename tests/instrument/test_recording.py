@@ -16,9 +16,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from instrument.recording import Recording, RecordingError
-from instrument.recording.layout import decode_wave, encode_wave
-from instrument.scan_line import Flag, ScanLine
+from picoradar.instrument.line.scan_line import Flag, ScanLine
+from picoradar.instrument.recording import Recording, RecordingError
+from picoradar.instrument.recording.layout import decode_wave, encode_wave
 
 HEADER = {
     "settings": {"prf_hz": 80_000.0},

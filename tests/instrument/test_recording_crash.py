@@ -18,7 +18,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from instrument.recording import Recording, RecordingError
+from picoradar.instrument.recording import Recording, RecordingError
 
 resource = pytest.importorskip("resource", reason="limits of file sizes and kill -9 are POSIX")
 
@@ -165,7 +165,7 @@ def test_a_checkpoint_that_fails_is_told_and_nothing_is_lost(
     tmp_path: Path, writer: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "scan.db"
-    monkeypatch.setattr("instrument.recording.database._LONGEST_WAL_BYTES", 0)
+    monkeypatch.setattr("picoradar.instrument.recording.database._LONGEST_WAL_BYTES", 0)
     with Recording.create(path, HEADER) as recording:
         for index in range(5):
             recording.append(writer.make_line(index))

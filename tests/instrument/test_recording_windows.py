@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from instrument.export import export
-from instrument.line_windows import LineWindows
-from instrument.recording import Recording, RecordingError
-from instrument.scan_line import ScanLine
+from picoradar.instrument.files.export import export
+from picoradar.instrument.line.scan_line import ScanLine
+from picoradar.instrument.line.windows import LineWindows
+from picoradar.instrument.recording import Recording, RecordingError
 
 HEADER = {
     "raster": {"rows": 4, "columns": 3, "step_mm": 1.0, "mode": "window", "averages": 8},

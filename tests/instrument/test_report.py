@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from instrument.recording import Recording
-from instrument.report import write_report
-from instrument.report.style import classes_of
-from instrument.report.waveform import time_significant_points
-from instrument.scan_line import Flag, ScanLine
+from picoradar.instrument.line.scan_line import Flag, ScanLine
+from picoradar.instrument.recording import Recording
+from picoradar.instrument.report import write_report
+from picoradar.instrument.report.style import classes_of
+from picoradar.instrument.report.waveform import time_significant_points
 
 ROWS, COLUMNS, SAMPLES, STEP_PS, START_PS = 12, 14, 700, 13.4, 6500.0
 HEADER = {

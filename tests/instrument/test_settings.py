@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from instrument.errors import BadInput
-from instrument.settings import Settings, load_settings, override, to_toml
+from picoradar.instrument.errors import BadInput
+from picoradar.instrument.settings.tables import Settings, load_settings, override, to_toml
 
 
 def write(folder: Path, text: str) -> Path:

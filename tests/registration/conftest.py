@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import registration
-from registration.rigid import pose, rotation_from_vector
+from picoradar import registration
+from picoradar.registration.se3 import pose, rotation_from_vector
 
 SHARED = Path(__file__).parents[2].parent / "shared"
 

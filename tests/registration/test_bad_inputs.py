@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import trimesh
 
-import registration
-from registration.rigid import inverse, pose, transform
-from registration.seeds import frame_about
-from sim.targets import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM
+from picoradar import registration
+from picoradar.registration.se3 import inverse, pose, transform
+from picoradar.registration.search.rotations import frame_about
+from picoradar.sim.physics.targets import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM
 
 
 @pytest.fixture(scope="module")

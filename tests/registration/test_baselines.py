@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-import registration
-from registration.baselines import head_and_hat, lm_icp, plane_icp
-from registration.field import build_fields
-from registration.icp import icp
-from registration.losses import LOSSES
-from registration.rigid import pose, rotation_from_vector, transform
-from registration.surface import Surface
+from picoradar import registration
+from picoradar.registration.classic.baselines import head_and_hat, lm_icp, plane_icp
+from picoradar.registration.classic.icp import icp
+from picoradar.registration.classic.losses import LOSSES
+from picoradar.registration.model.field import build_fields
+from picoradar.registration.model.surface import Surface
+from picoradar.registration.se3 import pose, rotation_from_vector, transform
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import registration
+from picoradar import registration
 
 
 def film_of_blood(scan: Any, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

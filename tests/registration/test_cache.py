@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import trimesh
 
-import registration
-from registration.views import Place
+from picoradar import registration
+from picoradar.registration.model.views import Place
 
 
 def files(folder: Path) -> list[Path]:

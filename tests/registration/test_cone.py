@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-import registration
-from registration.cone import ANYWHERE, Cone, rotations_within
-from registration.rigid import pose, rotation_from_vector, transform
+from picoradar import registration
+from picoradar.registration.se3 import pose, rotation_from_vector, transform
+from picoradar.registration.search.cone import ANYWHERE, Cone, rotations_within
 
 UP = [0.0, 0.0, 1.0]
 

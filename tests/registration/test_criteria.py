@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from registration.losses import LOSSES, LeastMedian, OneSided, SelfTrimmed, mad_scale
+from picoradar.registration.classic.losses import LOSSES, LeastMedian, OneSided, SelfTrimmed, mad_scale
 
 
 def weight_at(name: str, scaled: float) -> float:

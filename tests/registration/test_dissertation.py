@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-import registration
-from registration.dissertation import DissertationSettings, register_dissertation
-from registration.rigid import inverse, pose, rotation_from_vector, transform
-from registration.surface import Surface
+from picoradar import registration
+from picoradar.registration.classic.dissertation import DissertationSettings, register_dissertation
+from picoradar.registration.model.surface import Surface
+from picoradar.registration.se3 import inverse, pose, rotation_from_vector, transform
 
 
 @pytest.fixture(scope="module")

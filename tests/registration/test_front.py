@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import registration
+from picoradar import registration
 
 
 @pytest.mark.parametrize(

@@ -14,11 +14,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import registration
-from registration import paired_points
-from registration.icp import icp
-from registration.rigid import inverse, pose, rotation_from_vector, transform
-from registration.surface import Surface
+from picoradar import registration
+from picoradar.registration import paired_points
+from picoradar.registration.classic.icp import icp
+from picoradar.registration.model.surface import Surface
+from picoradar.registration.se3 import inverse, pose, rotation_from_vector, transform
 
 START = pose(rotation_from_vector(np.radians([2.0, -1.0, 2.0])), np.array([1.0, -1.0, 1.0]))
 OPTIONS: dict[str, Any] = {"max_iterations": 25, "tolerance_mm2": 1e-12}

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from registration import DegenerateError, PointsError, paired_points
-from registration.paired import horn, parameter_covariance, svd
-from registration.rigid import pose, rotation_from_vector, skew, transform
+from picoradar.registration import DegenerateError, PointsError, paired_points
+from picoradar.registration.paired_points import horn, parameter_covariance, svd
+from picoradar.registration.se3 import pose, rotation_from_vector, skew, transform
 
 FIDUCIALS = np.array([[0, 0, 0], [100, 0, 0], [0, 80, 0], [0, 0, 60]], dtype=float)
 TARGET = np.array([50.0, 40.0, 120.0])

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-import registration
-from registration.assess import Asked, assess, pose_covariance
-from registration.quality import (
+from picoradar import registration
+from picoradar.registration.robust.schedule import register_robust
+from picoradar.registration.scan.points import checked_scan
+from picoradar.registration.trust.assess import Asked, assess, pose_covariance
+from picoradar.registration.trust.covariance import (
     chi_square_quantile,
     describe_weakness,
     information,
@@ -21,9 +23,7 @@ from registration.quality import (
     stiffness,
     target_covariance,
 )
-from registration.result import Rival
-from registration.robust import register_robust
-from registration.scan import checked_scan
+from picoradar.registration.trust.result import Rival
 
 
 def sphere_patch(count: int, cap: float = np.pi) -> tuple[np.ndarray, np.ndarray]:

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from registration.errors import PointsError
-from registration.raster import found_grid, neighbours, thinned
-from registration.scan import Scan, checked_scan
+from picoradar.registration.errors import PointsError
+from picoradar.registration.scan.points import Scan, checked_scan
+from picoradar.registration.scan.raster import found_grid, neighbours, thinned
 
 
 def lattice(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import registration
+from picoradar import registration
 
 CONTRACT = {
     "model_from_scanner", "verdict", "reasons", "rms_mm", "mean_mm", "max_mm", "nlse", "inliers", "points", "targets",

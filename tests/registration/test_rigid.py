@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from registration.rigid import rotation_from_vector, vector_from_rotation
+from picoradar.registration.se3 import rotation_from_vector, vector_from_rotation
 
 ANGLES = st.one_of(st.floats(0.0, np.pi), st.floats(-12.0, 0.0).map(lambda e: np.pi - 10.0**e))
 AXES = st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda a: float(np.linalg.norm(a)) > 0.1)

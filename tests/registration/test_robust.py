@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import registration
-from registration.rigid import inverse, pose, rotation_angle_deg, rotation_from_vector, transform
+from picoradar import registration
+from picoradar.registration.se3 import inverse, pose, rotation_angle_deg, rotation_from_vector, transform
 
 
 def with_tissue(scan: Any, seed: int, share: float) -> np.ndarray:

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-import registration
-from registration.finish import Final, exact_finish
-from registration.noise import NoiseModel
-from registration.rigid import inverse, pose, rotation_angle_deg, rotation_from_vector
-from registration.scan import Scan, checked_scan
-from registration.valley import End, dispersion, ends_beside, walked
+from picoradar import registration
+from picoradar.registration.refine.beam_fit import Final, exact_finish
+from picoradar.registration.refine.weak_modes import End, dispersion, ends_beside, walked
+from picoradar.registration.scan.noise import NoiseModel
+from picoradar.registration.scan.points import Scan, checked_scan
+from picoradar.registration.se3 import inverse, pose, rotation_angle_deg, rotation_from_vector
 
 
 def finisher(scan: Scan, model: registration.Model) -> Callable[[np.ndarray], Final]:

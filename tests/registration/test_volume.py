@@ -11,10 +11,10 @@ import igl
 import numpy as np
 import pytest
 
-import registration
-from registration.rigid import pose, rotation_from_vector, transform
-from registration.surface import Surface
-from registration.volume import surface_points, two_gaussians
+from picoradar import registration
+from picoradar.registration.model.surface import Surface
+from picoradar.registration.preoperative.volume import surface_points, two_gaussians
+from picoradar.registration.se3 import pose, rotation_from_vector, transform
 
 ROOT = Path(__file__).parents[2]
 REAL_CT = ROOT.parent / "shared" / "data" / "totalseg-example-ct"

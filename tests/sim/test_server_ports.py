@@ -13,17 +13,17 @@ from pathlib import Path
 import pytest
 import serial
 
-from drivers.clock import VirtualClock, WallClock
-from drivers.dg645 import DG645
-from drivers.errors import LinkLost
-from drivers.serial_link import SerialLink
-from instrument.port_probe import Answer, who_answers
-from sim.firmware.dg645 import Dg645Firmware
-from sim.firmware.genesys import GenesysFirmware
-from sim.ports import SerialFirmware, SerialWire
-from sim.server.event_loop import EventLoop
-from sim.server.served_port import ServedPort
-from sim.wires import InterlockChain, TriggerLine
+from picoradar.drivers.clock import VirtualClock, WallClock
+from picoradar.drivers.dg645.driver import DG645
+from picoradar.drivers.errors import LinkLost
+from picoradar.drivers.links.serial import SerialLink
+from picoradar.instrument.bench.port_probe import Answer, who_answers
+from picoradar.sim.firmware.dg645.device import Dg645Firmware
+from picoradar.sim.firmware.genesys.device import GenesysFirmware
+from picoradar.sim.ports.wire import SerialFirmware, SerialWire
+from picoradar.sim.server.event_loop import EventLoop
+from picoradar.sim.server.served_port import ServedPort
+from picoradar.sim.wires import InterlockChain, TriggerLine
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 IDENTITY = b"Stanford Research Systems,DG645,s/n001013,ver1.02.0A\r\n"

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.server.uart import heard
+from picoradar.sim.server.uart import heard
 
 BAUDS = st.sampled_from([1200, 4800, 9600, 19200, 57600, 115200])
 

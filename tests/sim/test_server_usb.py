@@ -12,15 +12,15 @@ import usb.util
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from drivers import helios_wire
-from drivers.clock import VirtualClock
-from sim.firmware.helios import HeliosFirmware
-from sim.server.event_loop import EventLoop
-from sim.server.usb_operations import ARGUMENTS
-from sim.server.usb_server import UsbServer
-from sim.usb import SimUsbBackend
-from sim.usb.forward import ForwardBackend, backend
-from sim.usb.frames import BadFrame, encode_frame, receive_frame, send_frame, take_frame
+from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.helios import wire as helios_wire
+from picoradar.sim.firmware.helios.device import HeliosFirmware
+from picoradar.sim.server.event_loop import EventLoop
+from picoradar.sim.server.usb_operations import ARGUMENTS
+from picoradar.sim.server.usb_server import UsbServer
+from picoradar.sim.usb import SimUsbBackend
+from picoradar.sim.usb.forward import ForwardBackend, backend
+from picoradar.sim.usb.frames import BadFrame, encode_frame, receive_frame, send_frame, take_frame
 
 
 class Still:

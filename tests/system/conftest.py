@@ -11,17 +11,17 @@ from typing import Any
 
 import pytest
 
-from drivers.clock import VirtualClock
-from drivers.sbp import Gate
-from instrument import events
-from instrument.cli.session import calibration_of
-from instrument.controller import Controller, ScanOutcome
-from instrument.devices import make_bench
-from instrument.recording import Recording
-from instrument.scan import RasterScan
-from instrument.scan_line import ScanLine
-from instrument.settings import Links, Settings, override
-from sim import SimulatedBench
+from picoradar.drivers.bridge.sbp import Gate
+from picoradar.drivers.clock import VirtualClock
+from picoradar.instrument import events
+from picoradar.instrument.acquisition.sweep import RasterScan
+from picoradar.instrument.bench.opening import make_bench
+from picoradar.instrument.cli.session import calibration_of
+from picoradar.instrument.controller import Controller, ScanOutcome
+from picoradar.instrument.line.scan_line import ScanLine
+from picoradar.instrument.recording import Recording
+from picoradar.instrument.settings.tables import Links, Settings, override
+from picoradar.sim import SimulatedBench
 
 
 @dataclass

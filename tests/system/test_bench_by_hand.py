@@ -14,19 +14,24 @@ from pathlib import Path
 
 import pytest
 
-from instrument.cli.light_meters import light_meters
-from instrument.cli.person import Person
-from instrument.cli.session import Session, session
-from instrument.cli.stages import PersonStage, SimulatedStage
-from instrument.errors import BadInput, Interrupted
-from instrument.procedures import distance, drift, geometry, gray_target, prism, scanner, templates, transmitter
-from instrument.procedures.outcome import Outcome
-from instrument.procedures.plane_poses import Pose
-from instrument.procedures.stage import Placing
-from instrument.procedures.station import Station
-from instrument.settings import Settings, load_settings, override
-from sim.settings import SimulationSettings
-from sim.transmitter import Transmitter
+from picoradar.instrument.cli.light_meters import light_meters
+from picoradar.instrument.cli.person import Person
+from picoradar.instrument.cli.session import Session, session
+from picoradar.instrument.cli.stages import PersonStage, SimulatedStage
+from picoradar.instrument.errors import BadInput, Interrupted
+from picoradar.instrument.procedures import distance, drift, transmitter
+from picoradar.instrument.procedures.geometry import procedure as geometry
+from picoradar.instrument.procedures.geometry.plane_poses import Pose
+from picoradar.instrument.procedures.gray_target import procedure as gray_target
+from picoradar.instrument.procedures.gray_target import templates
+from picoradar.instrument.procedures.prism import procedure as prism
+from picoradar.instrument.procedures.scanner import procedure as scanner
+from picoradar.instrument.procedures.station.outcome import Outcome
+from picoradar.instrument.procedures.station.stage import Placing
+from picoradar.instrument.procedures.station.station import Station
+from picoradar.instrument.settings.tables import Settings, load_settings, override
+from picoradar.sim.physics.transmitter import Transmitter
+from picoradar.sim.settings import SimulationSettings
 
 SMALL: dict[str, tuple[int, Callable[[Station], Outcome]]] = {
     "gray-target": (7, lambda s: gray_target.run(s, levels=4, readings=20)),
@@ -158,7 +163,17 @@ def test_ctrl_c_is_obeyed_while_a_question_is_open(bench: Session) -> None:
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[Settings]:
     """Give the settings that reach a simulated bench in another process."""
-    command = [sys.executable, "-m", "instrument.cli", "sim", "--speed", "50", "--json", "--out", str(tmp_path / "sim")]
+    command = [
+        sys.executable,
+        "-m",
+        "picoradar.instrument.cli",
+        "sim",
+        "--speed",
+        "50",
+        "--json",
+        "--out",
+        str(tmp_path / "sim"),
+    ]
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         assert process.stdout is not None

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from instrument.cli.main import run as command
-from instrument.procedures import gray_target
+from picoradar.instrument.cli.main import run as command
+from picoradar.instrument.procedures.gray_target import procedure as gray_target
 
 
 def test_the_command_refuses_unknown_names_and_folders_that_exist(
@@ -28,7 +28,7 @@ def test_the_command_refuses_unknown_names_and_folders_that_exist(
 def test_ctrl_c_ends_a_procedure_safely(tmp_path: Path) -> None:
     folder = tmp_path / "drift"
     process = subprocess.Popen(
-        [sys.executable, "-m", "instrument.cli", "bench", "drift", "--out", str(folder)],
+        [sys.executable, "-m", "picoradar.instrument.cli", "bench", "drift", "--out", str(folder)],
         stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     end = time.monotonic() + 40
@@ -49,7 +49,7 @@ def test_the_calibration_command_compares_and_judges(tmp_path: Path, capsys: pyt
     warm.write_text("[diode]\ntarget_degc = 24.0\n")
     assert command(["calibration", "status", "--settings", str(warm), "--json"]) == 1
     assert "run gray-target" in json.loads(capsys.readouterr().out)["reasons"][0]
-    shipped = Path(gray_target.__file__).parents[1] / "data" / "simulated-bench.json"
+    shipped = Path(gray_target.__file__).parents[2] / "data" / "simulated-bench.json"
     file.write_bytes(shipped.read_bytes())
     assert command(["calibration", "compare", str(shipped), str(file), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["same"] == "yes"
@@ -78,7 +78,7 @@ def test_a_broken_calibration_is_named_and_refused(
 ) -> None:
     file = tmp_path / "broken-calibration.json"
     file.write_bytes(content)
-    shipped = Path(gray_target.__file__).parents[1] / "data" / "simulated-bench.json"
+    shipped = Path(gray_target.__file__).parents[2] / "data" / "simulated-bench.json"
     assert command(["calibration", "show", str(file)]) == 2
     assert command(["calibration", "compare", str(shipped), str(file)]) == 2
     assert capsys.readouterr().err.count("broken-calibration.json") == 2

@@ -12,21 +12,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.interfaces import Record, SweepSettings
-from instrument.calibration import Calibration
-from instrument.cli.light_meters import light_meters
-from instrument.cli.person import Person
-from instrument.cli.session import Session, session
-from instrument.cli.stages import SimulatedStage
-from instrument.procedures import distance, drift, geometry, gray_target, prism, scanner, templates, transmitter
-from instrument.procedures.folder import write_outcome
-from instrument.procedures.outcome import Outcome
-from instrument.procedures.plane_poses import Pose
-from instrument.procedures.records import cloud_of
-from instrument.procedures.stage import Placing
-from instrument.procedures.station import Station
-from instrument.settings import Settings, override
-from sim.wires import Acquisition
+from picoradar.drivers.interfaces import Record, SweepSettings
+from picoradar.instrument.calibration.file import Calibration
+from picoradar.instrument.cli.light_meters import light_meters
+from picoradar.instrument.cli.person import Person
+from picoradar.instrument.cli.session import Session, session
+from picoradar.instrument.cli.stages import SimulatedStage
+from picoradar.instrument.procedures import distance, drift, transmitter
+from picoradar.instrument.procedures.geometry import procedure as geometry
+from picoradar.instrument.procedures.geometry.plane_poses import Pose
+from picoradar.instrument.procedures.gray_target import procedure as gray_target
+from picoradar.instrument.procedures.gray_target import templates
+from picoradar.instrument.procedures.prism import procedure as prism
+from picoradar.instrument.procedures.scanner import procedure as scanner
+from picoradar.instrument.procedures.station.folder import write_outcome
+from picoradar.instrument.procedures.station.outcome import Outcome
+from picoradar.instrument.procedures.station.records import cloud_of
+from picoradar.instrument.procedures.station.stage import Placing
+from picoradar.instrument.procedures.station.station import Station
+from picoradar.instrument.settings.tables import Settings, override
+from picoradar.sim.wires import Acquisition
 
 DATE = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 ECHO_FROM_PS = 9000.0

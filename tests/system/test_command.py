@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from instrument.cli.main import run
-from instrument.recording import Recording
+from picoradar.instrument.cli.main import run
+from picoradar.instrument.recording import Recording
 
 pytestmark = pytest.mark.timeout(180)  # whole demos, also on a busy machine
 
@@ -36,7 +36,7 @@ def call(capsys: pytest.CaptureFixture[str]):
 def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     folder = tmp_path_factory.mktemp("demo") / "report"
     out = subprocess.run(
-        [sys.executable, "-m", "instrument.cli", "demo", "--seed", "3", "--out", str(folder), "--json"],
+        [sys.executable, "-m", "picoradar.instrument.cli", "demo", "--seed", "3", "--out", str(folder), "--json"],
         capture_output=True, text=True, check=False, timeout=170,
     )  # fmt: skip
     assert out.returncode == 0, out.stderr

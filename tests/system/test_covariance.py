@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from instrument.cli.main import run
-from instrument.recording import Recording
+from picoradar.instrument.cli.main import run
+from picoradar.instrument.recording import Recording
 
 
 @pytest.mark.parametrize(("options", "grid"), [(("--estimator", "template"), "10x40"), (("--mode", "window"), "12x40")])

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from instrument.cli.main import run
+from picoradar.instrument.cli.main import run
 
 pytestmark = pytest.mark.timeout(240)  # every command that is shown, also on a busy machine
 ROOT = Path(__file__).parents[2]

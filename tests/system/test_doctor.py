@@ -11,14 +11,14 @@ from pathlib import Path
 import pytest
 import serial
 
-from drivers.clock import VirtualClock
-from drivers.serial_link import SerialLink
-from instrument.cli.main import run
-from instrument.devices import DeviceMaker
-from instrument.doctor import Finding, examine
-from instrument.settings import Links, Settings
-from sim import SimulatedBench
-from sim.ports import SerialWire, publish, withdraw
+from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.links.serial import SerialLink
+from picoradar.instrument.bench.doctor import Finding, examine
+from picoradar.instrument.bench.opening import DeviceMaker
+from picoradar.instrument.cli.main import run
+from picoradar.instrument.settings.tables import Links, Settings
+from picoradar.sim import SimulatedBench
+from picoradar.sim.ports.wire import SerialWire, publish, withdraw
 
 
 @pytest.fixture

@@ -9,11 +9,11 @@ import pytest
 
 from benchmarks.faults.cases import all_cases, selection
 from benchmarks.faults.life import run as live
-from drivers.clock import VirtualClock
-from instrument.cli.main import run
-from instrument.controller import STATES
-from sim import SimulatedBench
-from sim.faults import KINDS, Fault, arm, load_scenario
+from picoradar.drivers.clock import VirtualClock
+from picoradar.instrument.cli.main import run
+from picoradar.instrument.controller import STATES
+from picoradar.sim import SimulatedBench
+from picoradar.sim.faults import KINDS, Fault, arm, load_scenario
 
 CASES = list(selection())
 

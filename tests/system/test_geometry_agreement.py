@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.clock import VirtualClock
-from instrument.geometry import CENTRE_CODE, CODES, codes_to_angles, points_from
-from sim.noise import Noise
-from sim.scanner import MirrorPair
-from sim.settings import SimulationSettings
+from picoradar.drivers.clock import VirtualClock
+from picoradar.instrument.calibration.geometry import CENTRE_CODE, CODES, codes_to_angles, points_from
+from picoradar.sim.physics.mirrors import MirrorPair
+from picoradar.sim.physics.noise import Noise
+from picoradar.sim.settings import SimulationSettings
 
 
 def mirrors(separation_mm: float, field_deg: float) -> tuple[MirrorPair, VirtualClock]:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.clock import VirtualClock
-from drivers.usb_link import UsbLink
+from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.links.usb import UsbLink
 
 
 def samples_of(radar: Any) -> np.ndarray:

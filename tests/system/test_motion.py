@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from instrument.cli.main import run
-from instrument.recording import Recording
-from instrument.scan_line import Flag
+from picoradar.instrument.cli.main import run
+from picoradar.instrument.line.scan_line import Flag
+from picoradar.instrument.recording import Recording
 
 
 @pytest.fixture

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from instrument.cli.main import run
-from instrument.recording import Recording
+from picoradar.instrument.cli.main import run
+from picoradar.instrument.recording import Recording
 
 SETTINGS = """
 [links]

@@ -11,9 +11,9 @@ import pytest
 
 from benchmarks.faults.cables import PULLS, pull
 from benchmarks.faults.endurance import endure
-from drivers.errors import LinkLost
-from instrument.errors import InterlockTripped
-from sim.faults import Fault, arm
+from picoradar.drivers.errors import LinkLost
+from picoradar.instrument.errors import InterlockTripped
+from picoradar.sim.faults import Fault, arm
 
 
 @pytest.mark.parametrize("link", PULLS)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from instrument.cli.main import run
+from picoradar.instrument.cli.main import run
 
 
 @pytest.mark.parametrize(

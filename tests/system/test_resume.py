@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from instrument.cli.main import run
-from instrument.recording import Recording, RecordingError
+from picoradar.instrument.cli.main import run
+from picoradar.instrument.recording import Recording, RecordingError
 
 SCAN = ("scan", "--grid", "6x5", "--seed", "4", "--json")
 
@@ -38,7 +38,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> list[bytes]:
 def start(path: Path, lines: int) -> subprocess.Popen[str]:
     """Start a scan in a process of its own, slowly, and wait until some lines are in its recording."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "instrument.cli", *SCAN, "--speed", "25", "-o", str(path)],
+        [sys.executable, "-m", "picoradar.instrument.cli", *SCAN, "--speed", "25", "-o", str(path)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"},
     )  # fmt: skip
     end = time.monotonic() + 40

@@ -9,17 +9,17 @@ from typing import Any
 
 import pytest
 
-from drivers.clock import VirtualClock
-from drivers.errors import DeviceError
-from instrument.cli.main import run
-from instrument.controller import Controller, make_safe
-from instrument.devices import make_bench
-from instrument.errors import InterlockTripped
-from instrument.recording import Recording, RecordingError
-from instrument.scan_line import ScanLine
-from instrument.settings import Links, Settings, override
-from sim import SimulatedBench
-from sim.faults import Fault, arm
+from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.errors import DeviceError
+from picoradar.instrument.bench.opening import make_bench
+from picoradar.instrument.cli.main import run
+from picoradar.instrument.controller import Controller, make_safe
+from picoradar.instrument.errors import InterlockTripped
+from picoradar.instrument.line.scan_line import ScanLine
+from picoradar.instrument.recording import Recording, RecordingError
+from picoradar.instrument.settings.tables import Links, Settings, override
+from picoradar.sim import SimulatedBench
+from picoradar.sim.faults import Fault, arm
 
 
 class Broken(Exception):
@@ -262,7 +262,7 @@ def test_a_name_that_leads_out_of_its_folder_is_refused(tmp_path: Path, capsys: 
 
 def test_a_disk_without_room_is_refused_with_the_numbers(radar: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     usage = type("Usage", (), {"free": 20_000})
-    monkeypatch.setattr("instrument.controller.disk.shutil.disk_usage", lambda _path: usage)
+    monkeypatch.setattr("picoradar.instrument.controller.disk.shutil.disk_usage", lambda _path: usage)
     with pytest.raises(InterlockTripped, match=r"disk space.*4 lines take up to .* GB, 2e-05 GB are free"):
         radar.scan()
     assert radar.controller.state == "ready"

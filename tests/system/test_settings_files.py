@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from instrument.cli.main import run
-from instrument.cli.settings import settings_schema
-from instrument.profiles import PROFILES
-from instrument.settings import Settings, load_settings
+from picoradar.instrument.cli.commands.settings import settings_schema
+from picoradar.instrument.cli.main import run
+from picoradar.instrument.settings.profiles import PROFILES
+from picoradar.instrument.settings.tables import Settings, load_settings
 
 SCHEMA = Path(__file__).parents[2] / "docs" / "settings.schema.json"
 
@@ -84,7 +84,7 @@ def test_a_speed_on_real_devices_is_refused(tmp_path: Path, capsys: pytest.Captu
 
 
 def test_profiles_are_plain_toml() -> None:
-    folder = Path(__file__).parents[2] / "instrument" / "profiles"
+    folder = Path(__file__).parents[2] / "instrument" / "settings" / "profiles"
     assert {path.stem for path in folder.glob("*.toml")} == set(PROFILES)
     for path in folder.glob("*.toml"):
         assert "links" in tomllib.loads(path.read_text(encoding="utf-8"))

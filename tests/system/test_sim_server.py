@@ -20,9 +20,9 @@ import serial
 import usb.core
 import usb.util
 
-from instrument.cli.main import run
+from picoradar.instrument.cli.main import run
 
-PICORADAR = [sys.executable, "-m", "instrument.cli"]
+PICORADAR = [sys.executable, "-m", "picoradar.instrument.cli"]
 
 
 @contextmanager
@@ -157,7 +157,7 @@ def test_a_host_that_comes_when_the_bench_has_gone(tmp_path: Path, capsys: pytes
     settings = tmp_path / "gone.toml"
     settings.write_text(
         'bench = "devices"\n[links]\ndg645 = "socket://127.0.0.1:9"\ngenesys = "socket://127.0.0.1:9"\n'
-        'tec = "socket://127.0.0.1:9"\nusb_backend = "sim.usb.forward:backend"\nusb_address = "127.0.0.1:9"\n'
+        'tec = "socket://127.0.0.1:9"\nusb_backend = "picoradar.sim.usb.forward:backend"\nusb_address = "127.0.0.1:9"\n'
     )
     assert run(["doctor", "--settings", str(settings), "--json"]) == 3
     told = json.loads(capsys.readouterr().out)

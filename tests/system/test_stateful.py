@@ -12,19 +12,19 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from benchmarks.faults.watch import LightMeter
-from drivers.clock import VirtualClock
-from drivers.errors import DeviceError
-from instrument import events
-from instrument.cli.session import calibration_of
-from instrument.controller import STATES, Controller, allowed_verbs
-from instrument.devices import make_bench
-from instrument.errors import InterlockTripped, Interrupted, NotAllowed
-from instrument.recording import Recording
-from instrument.scan import RasterScan
-from instrument.scan_line import ScanLine
-from instrument.settings import Links, Settings, override
-from sim import SimulatedBench
-from sim.faults import KINDS, Fault, arm
+from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.errors import DeviceError
+from picoradar.instrument import events
+from picoradar.instrument.acquisition.sweep import RasterScan
+from picoradar.instrument.bench.opening import make_bench
+from picoradar.instrument.cli.session import calibration_of
+from picoradar.instrument.controller import STATES, Controller, allowed_verbs
+from picoradar.instrument.errors import InterlockTripped, Interrupted, NotAllowed
+from picoradar.instrument.line.scan_line import ScanLine
+from picoradar.instrument.recording import Recording
+from picoradar.instrument.settings.tables import Links, Settings, override
+from picoradar.sim import SimulatedBench
+from picoradar.sim.faults import KINDS, Fault, arm
 
 SMALL = override(
     Settings(),

@@ -7,16 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from drivers.clock import VirtualClock
-from drivers.errors import DeviceFault
-from drivers.interfaces import SweepSettings
-from drivers.transcript import Transcript, read_transcript
-from instrument.cli.main import run
-from instrument.devices import DeviceMaker
-from instrument.doctor import Finding, examine
-from instrument.settings import Links, Settings
-from sim import SimulatedBench
-from sim.replay import ReplayedBench, ReplayMismatch
+from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.errors import DeviceFault
+from picoradar.drivers.interfaces import SweepSettings
+from picoradar.drivers.links.transcript import Transcript, read_transcript
+from picoradar.instrument.bench.doctor import Finding, examine
+from picoradar.instrument.bench.opening import DeviceMaker
+from picoradar.instrument.cli.main import run
+from picoradar.instrument.settings.tables import Links, Settings
+from picoradar.sim import SimulatedBench
+from picoradar.sim.replay import ReplayedBench, ReplayMismatch
 
 SWEEP = SweepSettings(start_ps=6500, step_ps=6.7, samples=200, averages=1, settle_shots=16, prf_hz=80_000)
 

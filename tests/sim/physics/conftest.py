@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from drivers.clock import VirtualClock
-from sim.noise import Noise
-from sim.optics import Optics
-from sim.scanner import MirrorPair
-from sim.scene import Scene
-from sim.settings import SimulationSettings
-from sim.targets import build_scene
-from sim.thermal import DiodeBlock
-from sim.wires import Acquisition, TriggerLine
+from picoradar.drivers.clock import VirtualClock
+from picoradar.sim.physics.mirrors import MirrorPair
+from picoradar.sim.physics.noise import Noise
+from picoradar.sim.physics.optics import Optics
+from picoradar.sim.physics.scene import Scene
+from picoradar.sim.physics.targets import build_scene
+from picoradar.sim.physics.thermal import DiodeBlock
+from picoradar.sim.settings import SimulationSettings
+from picoradar.sim.wires import Acquisition, TriggerLine
 
 C_MM_PER_PS = 0.299792458
 START_PS, STEP_PS, SAMPLES, SWEEPS = 6500.0, 6.7, 1430, 8

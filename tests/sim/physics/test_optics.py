@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.drift import SlowDrift
-from sim.materials import paint
-from sim.noise import Noise
+from picoradar.sim.physics.drift import SlowDrift
+from picoradar.sim.physics.materials import paint
+from picoradar.sim.physics.noise import Noise
 
 READINGS = 1600
 

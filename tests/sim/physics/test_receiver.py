@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.receiver import TABLE_PS, Receiver
-from sim.settings import SimulationSettings
+from picoradar.sim.physics.receiver import TABLE_PS, Receiver
+from picoradar.sim.settings import SimulationSettings
 
 
 def edges_ps(pulse, levels):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.receiver import TABLE_PS, Pulse
-from sim.sampler import add_pulse, digitise
-from sim.settings import SimulationSettings
+from picoradar.sim.physics.receiver import TABLE_PS, Pulse
+from picoradar.sim.physics.sampler import add_pulse, digitise
+from picoradar.sim.settings import SimulationSettings
 
 SETTINGS = SimulationSettings(adc_offset_codes=0.0, adc_bow_codes=0.0)
 INSTANTS = 6500.0 + 6.7 * np.arange(400)

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.clock import VirtualClock
-from sim.noise import Noise
-from sim.scanner import MirrorPair, trace
-from sim.settings import SimulationSettings
+from picoradar.drivers.clock import VirtualClock
+from picoradar.sim.physics.mirrors import MirrorPair, trace
+from picoradar.sim.physics.noise import Noise
+from picoradar.sim.settings import SimulationSettings
 
 QUIET = SimulationSettings(repeatability_deg=0.0)
 angles = st.floats(-0.3, 0.3)

@@ -8,13 +8,12 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.materials import BONE_MOIST, CLOT, GRAY_PAINT, STEEL, WHITE, Material, backscatter, paint
-from sim.noise import Noise
-from sim.operator import clicks
-from sim.rays import MISS, NumpyCaster, caster
-from sim.scene import Scene, Target
-from sim.settings import SimulationSettings
-from sim.targets import (
+from picoradar.sim.operator import clicks
+from picoradar.sim.physics.materials import BONE_MOIST, CLOT, GRAY_PAINT, STEEL, WHITE, Material, backscatter, paint
+from picoradar.sim.physics.noise import Noise
+from picoradar.sim.physics.rays import MISS, NumpyCaster, caster
+from picoradar.sim.physics.scene import Scene, Target
+from picoradar.sim.physics.targets import (
     SOCKET_AXIS,
     SOCKET_CENTRE_MM,
     build_scene,
@@ -24,6 +23,7 @@ from sim.targets import (
     place_target,
     prism,
 )
+from picoradar.sim.settings import SimulationSettings
 
 ALONG_Z = np.array([[0.0, 0.0, 1.0]])
 

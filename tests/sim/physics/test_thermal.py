@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drivers.clock import VirtualClock
-from sim.settings import SimulationSettings
-from sim.thermal import DiodeBlock
+from picoradar.drivers.clock import VirtualClock
+from picoradar.sim.physics.thermal import DiodeBlock
+from picoradar.sim.settings import SimulationSettings
 
 SETTINGS = SimulationSettings()
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.settings import SimulationSettings
-from sim.transmitter import Transmitter
+from picoradar.sim.physics.transmitter import Transmitter
+from picoradar.sim.settings import SimulationSettings
 
 
 @pytest.fixture

@@ -6,11 +6,11 @@ import json
 
 import pytest
 
-from sim.validation import Check, run
-from sim.validation.figures import Part
-from sim.validation.laser import laser
-from sim.validation.scanning import scanning
-from sim.validation.socket import socket
+from picoradar.sim.validation import Check, run
+from picoradar.sim.validation.figures import Part
+from picoradar.sim.validation.laser import laser
+from picoradar.sim.validation.scanning import scanning
+from picoradar.sim.validation.socket import socket
 
 
 @pytest.mark.parametrize("part", [lambda: laser(), lambda: scanning(2004), lambda: socket(2004)])

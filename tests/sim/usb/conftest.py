@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from drivers import sbp
-from drivers.clock import VirtualClock
-from drivers.helios import Helios, helios_link
-from drivers.sampling_bridge import SamplingBridge, bridge_link
-from sim.firmware.helios import HeliosFirmware
-from sim.firmware.sampling_bridge import SamplingBridgeFirmware
-from sim.usb import SimUsbBackend
-from sim.wires import Acquisition, InterlockChain, TriggerLine
+from picoradar.drivers.bridge import sbp
+from picoradar.drivers.bridge.driver import SamplingBridge, bridge_link
+from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.helios.driver import Helios, helios_link
+from picoradar.sim.firmware.bridge.device import SamplingBridgeFirmware
+from picoradar.sim.firmware.helios.device import HeliosFirmware
+from picoradar.sim.usb import SimUsbBackend
+from picoradar.sim.wires import Acquisition, InterlockChain, TriggerLine
 
 GOLDEN = Path(__file__).parents[2] / "golden"
 

@@ -9,11 +9,13 @@ import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from drivers import helios_wire, sbp, usbtmc_wire
-from drivers.clock import VirtualClock
-from sim.firmware.oscilloscope import OscilloscopeFirmware
-from sim.usb import Setup, UsbStall
-from sim.wires import TriggerLine
+from picoradar.drivers.bridge import sbp
+from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.helios import wire as helios_wire
+from picoradar.drivers.links import usbtmc_wire
+from picoradar.sim.firmware.oscilloscope.device import OscilloscopeFirmware
+from picoradar.sim.usb import Setup, UsbStall
+from picoradar.sim.wires import TriggerLine
 
 SETUPS = st.builds(
     Setup,

@@ -11,13 +11,13 @@ import usb.backend
 import usb.core
 import usb.util
 
-from drivers import sbp
-from drivers.clock import VirtualClock
-from drivers.errors import LinkLost, ProtocolError, Stall, Timeout
-from drivers.usb_link import UsbLink
-from sim.usb import Setup, SimUsbBackend, UsbStall
-from sim.usb.bus import InTransfer
-from sim.usb.descriptors import BULK, Configuration, Device, Endpoint, Interface
+from picoradar.drivers.bridge import sbp
+from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.errors import LinkLost, ProtocolError, Stall, Timeout
+from picoradar.drivers.links.usb import UsbLink
+from picoradar.sim.usb import Setup, SimUsbBackend, UsbStall
+from picoradar.sim.usb.bus import InTransfer
+from picoradar.sim.usb.descriptors import BULK, Configuration, Device, Endpoint, Interface
 
 
 class Pipe:

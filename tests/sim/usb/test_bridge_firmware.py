@@ -9,11 +9,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers import sbp
-from drivers.errors import ProtocolError, Stall, Timeout
-from drivers.interfaces import SweepSettings
-from drivers.sampling_bridge import bridge_link
-from drivers.sbp import ConfigFlag, Configuration, ErrorCode, EventKind, Frame, FrameFlag, FrameParser, Request, State
+from picoradar.drivers.bridge import sbp
+from picoradar.drivers.bridge.driver import bridge_link
+from picoradar.drivers.bridge.sbp import (
+    ConfigFlag,
+    Configuration,
+    ErrorCode,
+    EventKind,
+    Frame,
+    FrameFlag,
+    FrameParser,
+    Request,
+    State,
+)
+from picoradar.drivers.errors import ProtocolError, Stall, Timeout
+from picoradar.drivers.interfaces import SweepSettings
 
 CONFIG = Configuration(5_000_000, 6_700, 100, 8, ConfigFlag.EXTERNAL_TRIGGER, 1, 80_000, sbp.Format.U16, 0)
 RECORD_S = 8 * 100 / 80_000

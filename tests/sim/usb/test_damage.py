@@ -11,16 +11,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers import sbp
-from drivers.clock import VirtualClock
-from drivers.errors import DeviceError
-from drivers.interfaces import Record, SweepSettings
-from drivers.oscilloscope import Oscilloscope, oscilloscope_link
-from drivers.usbtmc import Usbtmc
-from sim.firmware.oscilloscope import OscilloscopeFirmware
-from sim.usb import SimUsbBackend
-from sim.usb.bus import InTransfer
-from sim.wires import TriggerLine
+from picoradar.drivers.bridge import sbp
+from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.errors import DeviceError
+from picoradar.drivers.interfaces import Record, SweepSettings
+from picoradar.drivers.links.usbtmc import Usbtmc
+from picoradar.drivers.oscilloscope.driver import Oscilloscope, oscilloscope_link
+from picoradar.sim.firmware.oscilloscope.device import OscilloscopeFirmware
+from picoradar.sim.usb import SimUsbBackend
+from picoradar.sim.usb.bus import InTransfer
+from picoradar.sim.wires import TriggerLine
 
 KINDS = st.sampled_from(
     ["good", "good", "lost", "flipped", "doubled", "split", "joined", "shortened", "lengthened", "stalled"]

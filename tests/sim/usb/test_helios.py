@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers import helios_wire as wire
-from drivers.errors import DeviceFault, LimitError, LinkLost, Timeout
-from drivers.helios import Helios, helios_link
-from drivers.helios_wire import FrameFlag, GalvoFrame
-from sim.firmware.helios import FirmwareErased
-from sim.usb.bus import InTransfer
+from picoradar.drivers.errors import DeviceFault, LimitError, LinkLost, Timeout
+from picoradar.drivers.helios import wire
+from picoradar.drivers.helios.driver import Helios, helios_link
+from picoradar.drivers.helios.wire import FrameFlag, GalvoFrame
+from picoradar.sim.firmware.helios.device import FirmwareErased
+from picoradar.sim.usb.bus import InTransfer
 
 
 def _frame(xy: list[tuple[int, int]], flags: int, rate_hz: int = 1000, blue: tuple[int, ...] = ()) -> bytes:

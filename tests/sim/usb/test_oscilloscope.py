@@ -10,19 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers import usbtmc_wire as wire
-from drivers.clock import VirtualClock
-from drivers.errors import DeviceFault, LimitError, ProtocolError, Stall, Timeout
-from drivers.interfaces import SweepSettings
-from drivers.oscilloscope import Oscilloscope, oscilloscope_link
-from drivers.scpi_waveform import decode_block
-from drivers.usb_link import UsbLink
-from drivers.usbtmc import Usbtmc
-from drivers.usbtmc_wire import ControlRequest, Header, MsgId
-from sim.firmware.oscilloscope import OscilloscopeFirmware
-from sim.usb import SimUsbBackend
-from sim.usb.bus import InTransfer
-from sim.wires import Acquisition, TriggerLine
+from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.errors import DeviceFault, LimitError, ProtocolError, Stall, Timeout
+from picoradar.drivers.interfaces import SweepSettings
+from picoradar.drivers.links import usbtmc_wire as wire
+from picoradar.drivers.links.usb import UsbLink
+from picoradar.drivers.links.usbtmc import Usbtmc
+from picoradar.drivers.links.usbtmc_wire import ControlRequest, Header, MsgId
+from picoradar.drivers.oscilloscope.driver import Oscilloscope, oscilloscope_link
+from picoradar.drivers.oscilloscope.waveform import decode_block
+from picoradar.sim.firmware.oscilloscope.device import OscilloscopeFirmware
+from picoradar.sim.usb import SimUsbBackend
+from picoradar.sim.usb.bus import InTransfer
+from picoradar.sim.wires import Acquisition, TriggerLine
 
 SWEEP = SweepSettings(start_ps=2000.0, step_ps=6.7, samples=1430, averages=16, settle_shots=0, prf_hz=80_000.0)
 OUT, IN, INTERRUPT = 0x02, 0x81, 0x83

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers import sbp
-from drivers.errors import DeviceFault, LimitError, LinkLost, ProtocolError, Stall
-from drivers.helios_wire import stepped_path
-from drivers.interfaces import SweepSettings
-from drivers.sampling_bridge import bridge_link
-from drivers.sbp import ErrorCode, Request, Window
-from drivers.sbp.frames import FrameFlag, FrameParser
+from picoradar.drivers.bridge import sbp
+from picoradar.drivers.bridge.driver import bridge_link
+from picoradar.drivers.bridge.sbp import ErrorCode, Request, Window
+from picoradar.drivers.bridge.sbp.frames import FrameFlag, FrameParser
+from picoradar.drivers.errors import DeviceFault, LimitError, LinkLost, ProtocolError, Stall
+from picoradar.drivers.helios.wire import stepped_path
+from picoradar.drivers.interfaces import SweepSettings
 
 SWEEP = SweepSettings(start_ps=5000.0, step_ps=6.7, samples=1430, averages=8, settle_shots=16, prf_hz=80_000.0)
 

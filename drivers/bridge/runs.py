@@ -1,0 +1,178 @@
+"""Runs of the sampling bridge: start, read, retry.
+
+Source: protocol sheet ``sampling_bridge.md``, section 3, framing rules 3 to 7.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import struct
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from picoradar.drivers.bridge.requests import BridgeRequests
+from picoradar.drivers.bridge.sbp import (
+    EP_DATA,
+    Caps,
+    ConfigFlag,
+    Configuration,
+    ErrorCode,
+    FrameParser,
+    Request,
+    State,
+    StatusFlag,
+    Window,
+    encode_windows,
+)
+from picoradar.drivers.bridge.sbp.records import RecordAssembler, SpoiledRun
+from picoradar.drivers.errors import DeviceError, DeviceFault, ProtocolError, Stall, Timeout
+from picoradar.drivers.interfaces import WindowRecord
+
+QUIET_S = 0.5  # a run is late when nothing comes within 3 records and this
+PACKET = 512
+
+
+@dataclass(frozen=True)
+class Run:
+    """What one run takes.
+
+    Attributes
+    ----------
+    run_id : int
+    table : sequence of sequences of Window
+        Windows of each record; the last entry holds for all further records.
+    records : int
+    configuration : Configuration
+        In force in the device.
+    config_crc : int
+        Its check sum, which every frame names.
+    begin : callable, optional
+        Called once the run has been started, at each attempt.
+    """
+
+    run_id: int
+    table: Sequence[Sequence[Window]]
+    records: int
+    configuration: Configuration
+    config_crc: int
+    begin: Callable[[], None] | None = None
+
+    @property
+    def limit_s(self) -> float:
+        """Get how long nothing may come before the run is late (rule 6)."""
+        settle = self.configuration.settle_shots
+        shots = max(sum(w.sweeps * (settle + w.samples) for w in row) for row in self.table)
+        return 3 * shots / self.configuration.prf_hz + QUIET_S
+
+
+class RunReader:
+    """Takes runs, and takes a spoiled one again under the same run id.
+
+    Parameters
+    ----------
+    requests : BridgeRequests
+    caps : Caps
+    retries : int
+
+    Attributes
+    ----------
+    retried : int
+        Runs taken again so far.
+    """
+
+    def __init__(self, requests: BridgeRequests, caps: Caps, retries: int) -> None:
+        self.retried = 0
+        self._requests = requests
+        self._link = requests.link
+        self._caps = caps
+        self._retries = retries
+        self._parser = FrameParser(caps.payload_max)
+        # One packet more than the longest frame, so that a zero-length packet at its end is taken with it.
+        self._read_size = ((caps.header_length + caps.payload_max + 4) // PACKET + 1) * PACKET
+
+    def stop(self) -> None:
+        """End the run in the device at once, and empty all queues."""
+        self._requests.order(Request.STOP, 1)
+        self._requests.order(Request.FLUSH, 0)
+        self._parser.clear()
+
+    def take(self, run: Run) -> Iterator[WindowRecord]:
+        """Give the records of a run as they come; those given before a retry are not given twice.
+
+        Raises
+        ------
+        ProtocolError
+            When the run was spoiled at each attempt.
+        DeviceFault, Timeout
+            When no data come; the run is ended.
+        """
+        given = 0
+        for left in range(self._retries, -1, -1):
+            try:
+                for record in self._attempt(run):
+                    if record.number >= given:
+                        given += 1
+                        yield record
+                return
+            except SpoiledRun as spoiled:
+                self.stop()
+                if not left:
+                    raise ProtocolError(
+                        self._link.device,
+                        f"run {run.run_id} was spoiled {self._retries + 1} times, last: {spoiled}",
+                        "check the USB cable and the load of this computer",
+                    ) from spoiled
+                self.retried += 1
+            except (DeviceFault, Timeout, GeneratorExit):
+                with contextlib.suppress(DeviceError):  # the first error is the one to tell
+                    self.stop()
+                raise
+
+    def _attempt(self, run: Run) -> Iterator[WindowRecord]:
+        windows = bool(run.configuration.flags & ConfigFlag.WINDOWS)
+        if windows:
+            self._requests.order(Request.SET_WINDOWS, 0, encode_windows(run.table))
+        assembler = RecordAssembler(self._caps, run.run_id, run.config_crc, run.table)
+        self._requests.order(Request.START, 0, struct.pack("<I", run.run_id))
+        if run.begin is not None:
+            run.begin()
+        done = 0
+        while done < run.records:
+            damaged = self._parser.damaged
+            for frame in self._parser.feed(self._read(run.limit_s)):
+                record = assembler.add(frame)
+                if record is not None:
+                    done += 1
+                    yield record
+            if self._parser.damaged > damaged and done < run.records:
+                raise SpoiledRun("a frame came damaged")
+        if windows:  # such a run has no number of records: it would wait for another table
+            self._requests.order(Request.STOP, 1)
+
+    def _read(self, limit_s: float) -> bytes:
+        try:
+            return self._link.read(EP_DATA, self._read_size, timeout_s=limit_s)
+        except Stall as stall:
+            self._link.clear_halt(EP_DATA)
+            raise SpoiledRun("the data endpoint stalled") from stall
+        except ProtocolError as odd:  # for instance more bytes than the longest frame has
+            raise SpoiledRun(odd.what) from odd
+        except Timeout as late:
+            self._explain(late, limit_s)
+            raise
+
+    def _explain(self, late: Timeout, limit_s: float) -> None:
+        """Ask the device why no data came, and raise what fits."""
+        status = self._requests.status()
+        device = self._link.device
+        if status.state is State.FAULT or status.flags & StatusFlag.WATCHDOG_TRIPPED:
+            errors = ", ".join(map(str, self._requests.errors())) or "no error queued"
+            remedy = "find the cause, then clear the lock-out"
+            code = int(ErrorCode.WATCHDOG_TRIPPED)
+            raise DeviceFault(device, f"is in state {status.state.name}: {errors}", remedy, code=code) from late
+        if not status.flags & StatusFlag.TRIGGER_PRESENT:
+            remedy = "start the delay generator, check its cable"
+            code = int(ErrorCode.TRIGGER_LOST)
+            raise DeviceFault(device, f"no triggers came within {limit_s:.1f} s", remedy, code=code) from late
+        if status.state is State.IDLE:
+            raise SpoiledRun(f"the run has ended and {status.frames_lost} frames were lost") from late

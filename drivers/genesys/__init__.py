@@ -1,0 +1,1 @@
+"""The drive supply TDK-Lambda GEN600-1.3: voltage, output, interlock."""

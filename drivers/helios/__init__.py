@@ -1,0 +1,1 @@
+"""The galvo controller Helios DAC: single positions and paths, over USB."""

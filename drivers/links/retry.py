@@ -1,0 +1,35 @@
+"""Asking again when an answer is lost or spoilt on the line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from picoradar.drivers.errors import ProtocolError, Timeout
+
+T = TypeVar("T")
+
+
+def retry(tries: int, attempt: Callable[[], T]) -> T:
+    """Carry out ``attempt``, and again when its answer is lost or spoilt.
+
+    Only for what may be done twice: a question that does not change what it asks for, or a setting.
+
+    Parameters
+    ----------
+    tries : int
+        How often in all, at least 1.
+    attempt : callable
+        One exchange.
+
+    Raises
+    ------
+    Timeout, ProtocolError
+        Of the last try. All other errors are raised at once.
+    """
+    for _ in range(tries - 1):
+        try:
+            return attempt()
+        except (Timeout, ProtocolError):
+            continue
+    return attempt()

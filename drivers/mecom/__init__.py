@@ -1,0 +1,1 @@
+"""The temperature controller Meerstetter TEC-1091, over MeCom."""

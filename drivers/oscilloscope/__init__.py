@@ -1,0 +1,1 @@
+"""A sampling oscilloscope as a second source of waveforms: USBTMC and SCPI."""

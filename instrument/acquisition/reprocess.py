@@ -1,0 +1,127 @@
+"""Range a recording again, from its raw traces or windows, with another estimator or another calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from picoradar.instrument.acquisition.points import to_scan_line
+from picoradar.instrument.acquisition.window_ranging import CodeScale, range_line
+from picoradar.instrument.calibration.file import Calibration, Method
+from picoradar.instrument.errors import BadInput
+from picoradar.instrument.line.scan_line import Flag, ScanLine
+from picoradar.instrument.ranging import Ranges, estimate, mark_footprint
+from picoradar.instrument.recording import Recording
+
+
+def rerange(
+    source: Path,
+    target: Path,
+    *,
+    method: Method | None = None,
+    calibration: Calibration | None = None,
+    on_line: Callable[[ScanLine], None] | None = None,
+) -> None:
+    """Write a new recording with the traces of an old one and new ranges.
+
+    Parameters
+    ----------
+    source, target : Path
+        Recording with raw traces or windows; recording to make.
+    method : {"half-maximum", "template"}, optional
+        Estimator; the recording's own by default.
+    calibration : Calibration, optional
+        The recording's own by default.
+    on_line : callable, optional
+        Called with each line done.
+
+    Raises
+    ------
+    BadInput
+        When the recording holds no raw samples, windows are to be ranged by another estimator than ``template``, or
+        the calibration lacks what the estimator needs.
+    RecordingError
+        When the source is damaged or the target exists.
+    """
+    with Recording.open(source) as old:
+        used = calibration or _own_calibration(old)
+        estimator = method or old.header.get("raster", {}).get("estimator", "half-maximum")
+        header = _header(old.header, source, used, estimator)
+        with Recording.create(target, header) as new:
+            before: ScanLine | None = None
+            for line in old.lines():
+                again = _range_line(old, line, before, estimator, used)
+                before = again
+                new.append(again)
+                if on_line is not None:
+                    on_line(again)
+            new.finish(
+                f"ranged again from {source.name} ({old.stop_reason})",
+                laser_off_verified=bool(old.laser_off_verified),
+            )
+
+
+def _range_line(
+    recording: Recording, line: ScanLine, before: ScanLine | None, method: Method, calibration: Calibration
+) -> ScanLine:
+    ranges = _ranges_of(recording, line, method, calibration)
+    before_mm = before.range_mm if before is not None and before.index == line.index - 1 else None
+    ranges = mark_footprint(ranges, recording.raster["step_mm"], before_mm)
+    # Whether the target moved is known from looks at one place, which are not in the line.
+    flags = ranges.flags | (line.flags & np.uint16(Flag.MOTION))
+    return to_scan_line(
+        line.index,
+        line.columns,
+        line.angles_rad,
+        replace(ranges, flags=flags),
+        calibration,
+        sums=line.sums,
+        windows=line.windows,
+        sweeps=line.sweeps,
+        began_s=line.device_time_s,
+    )
+
+
+def _ranges_of(recording: Recording, line: ScanLine, method: Method, calibration: Calibration) -> Ranges:
+    if line.windows is not None:
+        if method != "template":
+            raise BadInput(
+                f"{recording.path}: was scanned in windows, which show the edges of the pulses alone; "
+                f"{method} needs whole traces, use template"
+            )
+        scale = CodeScale(recording.trace["zero_code"], recording.trace["mv_per_code"])
+        return range_line(line.columns, line.windows, scale, calibration)
+    if line.sums is None:
+        raise BadInput(
+            f"{recording.path}: line {line.index} has no raw samples; only scans that keep them can be ranged again"
+        )
+    return estimate(
+        recording.traces_mv(line),
+        recording.times_ps,
+        method=method,
+        calibration=calibration,
+        sweeps=line.sweeps,
+        clipped=(line.flags & np.uint16(Flag.CLIPPED)) != 0,
+    )
+
+
+def _own_calibration(recording: Recording) -> Calibration:
+    content = recording.header.get("calibration")
+    if not isinstance(content, dict):
+        raise BadInput(f"{recording.path}: holds no calibration; give one with --calibration")
+    return Calibration.model_validate(content)
+
+
+def _header(old: dict[str, Any], source: Path, calibration: Calibration, method: Method) -> dict[str, Any]:
+    kept = {key: value for key, value in old.items() if key not in ("versions", "calibration_digest")}
+    return {
+        **kept,
+        "raster": {**old["raster"], "estimator": method},
+        "calibration": calibration.model_dump(mode="json"),
+        "calibration_digest": calibration.digest,
+        "ranged_from": {"recording": source.name, "versions": old.get("versions")},
+    }

@@ -1,0 +1,162 @@
+"""Examines every device of a bench on its own: who answers, in what state, within what limits. The laser stays off.
+
+Opening a device brings it to its safe state, which its driver verifies; nothing that could give light is switched on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+from picoradar.drivers.bridge import sbp
+from picoradar.drivers.errors import DeviceError, ProtocolError, Timeout
+from picoradar.drivers.helios import wire as helios_wire
+from picoradar.drivers.interfaces import Device
+from picoradar.drivers.oscilloscope import driver as oscilloscope
+from picoradar.instrument.bench import device_checks as checks
+from picoradar.instrument.bench.opening import DeviceMaker
+from picoradar.instrument.bench.port_probe import who_answers
+from picoradar.instrument.errors import BadInput
+from picoradar.instrument.settings.tables import Settings
+
+_Device = TypeVar("_Device", bound=Device)
+
+
+class _UsbWire(Protocol):
+    """A wire module, which knows by which numbers its device is found."""
+
+    VENDOR_ID: int
+    PRODUCT_ID: int
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What the doctor says of one device.
+
+    Attributes
+    ----------
+    name : str
+        As in the settings.
+    identity : str
+        Model, serial number and firmware; empty when nobody answered.
+    link : str
+        How it is reached.
+    problem : str
+        What is wrong and what to do; empty when nothing is.
+    """
+
+    name: str
+    identity: str
+    link: str
+    problem: str
+
+    @property
+    def ok(self) -> bool:
+        """Get whether the device can be used as it is."""
+        return not self.problem
+
+
+def examine(settings: Settings, make: DeviceMaker, *, acknowledge: bool = False) -> Iterator[Finding]:
+    """Open, identify, check and close each device in turn.
+
+    Parameters
+    ----------
+    settings : Settings
+        What the devices will be asked for in a scan.
+    make : DeviceMaker
+    acknowledge : bool
+        Clear what a person has to acknowledge once its cause is gone: the lock-out of the bridge's gate, an error of
+        the temperature controller.
+
+    Yields
+    ------
+    Finding
+        One a device, as soon as it is known.
+    """
+    links = make.links
+    yield _serial(make, "dg645", links.dg645, links.dg645_baud, make.dg645, checks.generator)
+    yield _serial(
+        make, "genesys", links.genesys, links.genesys_baud, make.genesys, lambda d: checks.supply(d, settings)
+    )
+    yield _serial(
+        make,
+        "tec",
+        links.tec,
+        links.tec_baud,
+        make.tec,
+        lambda d: checks.temperature(d, settings, acknowledge=acknowledge),
+    )
+    yield _examined("helios", _usb(helios_wire, links.usb_backend), make.helios, checks.galvo)[0]
+    yield _examined(
+        "bridge",
+        _usb(sbp, links.usb_backend),
+        make.bridge,
+        lambda d: checks.bridge(d, settings, acknowledge=acknowledge),
+    )[0]
+    if links.sampler == "oscilloscope":
+        link = _usb(oscilloscope, links.usb_backend)
+        yield _examined("oscilloscope", link, make.oscilloscope, lambda d: checks.oscilloscope(d, settings))[0]
+
+
+def _usb(wire: _UsbWire, backend: str) -> str:
+    """Say how a USB device is reached."""
+    through = f" through {backend}" if backend else ""
+    return f"USB {wire.VENDOR_ID:04x}:{wire.PRODUCT_ID:04x}{through}"
+
+
+def _serial(
+    make: DeviceMaker,
+    name: str,
+    url: str,
+    baud: int,
+    maker: Callable[[], _Device],
+    check: Callable[[_Device], Iterator[str]],
+) -> Finding:
+    """Examine a device on a serial port; when it does not answer, find out who does."""
+    finding, error = _examined(name, url, maker, check)
+    if not isinstance(error, (Timeout, ProtocolError)):
+        return finding
+    answer = who_answers(url, make.clock, expected=name, baud=baud, genesys_address=make.links.genesys_address)
+    if answer is None:
+        return finding
+    if answer.kind != name:
+        found = f"a {answer.kind} answers on this port: links.{name} and links.{answer.kind} seem to be exchanged"
+    elif answer.baud not in (None, baud):
+        found = f"it answers at {answer.baud} baud: set links.{name}_baud = {answer.baud}"
+    else:
+        return finding
+    return Finding(name, finding.identity, url, f"{error.what}; {found}")
+
+
+def _examined(
+    name: str, link: str, maker: Callable[[], _Device], check: Callable[[_Device], Iterator[str]]
+) -> tuple[Finding, DeviceError | None]:
+    """Examine one device, and return what stopped the examination as well."""
+    identity = ""
+    problems: list[str] = []
+    failure: DeviceError | None = None
+    try:
+        with _opened(maker()) as device:
+            identity = str(device.identify())
+            problems += check(device)
+    except BadInput as error:
+        problems.append(str(error))
+    except DeviceError as error:
+        failure = error
+        problems.append(f"{error.what}: {error.remedy}" if error.remedy else error.what)
+    return Finding(name, identity, link, "; ".join(problems)), failure
+
+
+@contextmanager
+def _opened(device: _Device) -> Iterator[_Device]:
+    """Open a device and close it afterwards; of two errors the first one counts."""
+    try:
+        device.open()
+        yield device
+    except DeviceError:
+        with suppress(DeviceError):
+            device.close()
+        raise
+    device.close()

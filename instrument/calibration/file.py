@@ -1,0 +1,122 @@
+"""`Calibration`: what was measured about one instrument, in a JSON file that recordings name by its digest."""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+import json
+from pathlib import Path
+from typing import Literal, get_args
+
+from pydantic import Field, ValidationError, field_validator
+
+from picoradar.instrument.calibration.parts import (
+    PEAK_ROOM_PS,
+    GeometryUncertainty,
+    Part,
+    ScannerErrors,
+    ShotNoise,
+    Templates,
+    Walk,
+    WalkCorrection,
+)
+from picoradar.instrument.errors import BadInput
+
+__all__ = [
+    "METHODS",
+    "PEAK_ROOM_PS",
+    "Calibration",
+    "GeometryUncertainty",
+    "Method",
+    "ScannerErrors",
+    "ShotNoise",
+    "Templates",
+    "Walk",
+    "WalkCorrection",
+]
+
+Method = Literal["half-maximum", "template"]
+METHODS: tuple[Method, ...] = get_args(Method)
+FORMAT: Literal[1] = 1
+
+
+class Calibration(Part):
+    """Everything that ranging and geometry must know of one instrument.
+
+    `digest` names the content: two files with the same values have the same digest whatever their layout.
+    """
+
+    format: Literal[1] = Field(FORMAT, description="version of this file's layout")
+    date: datetime.datetime = Field(description="when it was measured, with time zone")
+    provenance: str = Field(min_length=1, description="how it was measured: procedure, target, recording, operator")
+    serial_numbers: dict[str, str] = Field(default_factory=dict, description="device name to serial number")
+    diode_degc: float | None = Field(None, description="temperature of the laser diode while it was measured, degC")
+
+    range_zero_mm: float = Field(0.0, description="range at zero interval between the two time-significant points, mm")
+    walk: dict[Method, Walk] = Field(default_factory=dict, description="timing walk, for each estimator")
+    templates: Templates | None = Field(None, description="pulse shapes for the template estimator")
+    noise: ShotNoise = Field(default_factory=ShotNoise, description="noise of a single sample of a single sweep")
+    reference_ps: tuple[float, float] | None = Field(
+        None, description="earliest and latest place of the reference's 50 % point on the trace, ps"
+    )
+
+    mirror_separation_mm: float = Field(ge=0, le=1000, description="distance of the two mirror axes, mm")
+    scanner: ScannerErrors = Field(default_factory=ScannerErrors, description="errors of the mirrors' angles")
+    geometry: GeometryUncertainty | None = Field(None, description="uncertainty of the geometry calibration")
+    pointing_sd_rad: float = Field(0.0, ge=0, le=0.1, description="sd of each optical angle after settling, rad")
+
+    @field_validator("date")
+    @classmethod
+    def _with_zone(cls, date: datetime.datetime) -> datetime.datetime:
+        if date.tzinfo is None:
+            raise ValueError("needs a time zone, for example 2026-01-31T12:00:00Z")
+        return date.astimezone(datetime.UTC)
+
+    @property  # not cached: `model_copy` would take the old digest along
+    def digest(self) -> str:
+        """Get ``sha256:`` and the hash of the content in canonical JSON (sorted keys, no spaces, UTF-8)."""
+        canonical = json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+        return "sha256:" + hashlib.sha256(canonical.encode()).hexdigest()
+
+    def save(self, path: Path) -> None:
+        """Write the calibration as JSON; a file that is there is replaced as a whole or not at all."""
+        partial = path.with_name(path.name + ".partial")
+        partial.write_text(json.dumps(self.model_dump(mode="json"), indent=1) + "\n", encoding="utf-8")
+        partial.replace(path)
+
+    @classmethod
+    def load(cls, path: Path) -> Calibration:
+        """Read and check a calibration file.
+
+        Raises
+        ------
+        BadInput
+            With the file, the key, what was found and what is allowed.
+        """
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise BadInput(
+                f"{path}: cannot read the calibration: {error}; give a file that a bench procedure made"
+            ) from error
+        return cls.from_json(text, str(path))
+
+    @classmethod
+    def from_json(cls, text: str, source: str) -> Calibration:
+        """Check a calibration given as JSON text, for example out of a recording; ``source`` is for messages.
+
+        Raises
+        ------
+        BadInput
+            As `load`.
+        """
+        try:
+            return cls.model_validate_json(text)
+        except ValidationError as error:
+            found = "; ".join(
+                f"{'.'.join(map(str, e['loc'])) or 'calibration'}: {e['msg'].removeprefix('Value error, ')}"
+                for e in error.errors(include_url=False)
+            )
+            raise BadInput(
+                f"{source}: not a valid calibration: {found}; make it again with a bench procedure"
+            ) from error

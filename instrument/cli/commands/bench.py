@@ -1,0 +1,172 @@
+"""``picoradar bench NAME``: the bench procedures."""
+
+from __future__ import annotations
+
+import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from picoradar.instrument.cli import options, output
+from picoradar.instrument.errors import BadInput, Interrupted
+
+if TYPE_CHECKING:
+    from picoradar.instrument.cli.session import Session
+    from picoradar.instrument.procedures.station.outcome import Outcome
+    from picoradar.instrument.procedures.station.station import Progress, Station
+    from picoradar.instrument.settings.tables import Settings
+
+NAMES = ("transmitter", "distance", "gray-target", "templates", "scanner", "geometry", "prism", "drift")
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the subcommand."""
+    app.command(
+        epilog="Examples: picoradar bench gray-target --out gray\n\npicoradar bench prism --settings bench.toml --json"
+    )(bench)
+
+
+def bench(
+    name: Annotated[str, typer.Argument(help="Procedure: " + ", ".join(NAMES) + ".")],
+    settings: options.SettingsFile = None,
+    seed: options.Seed = None,
+    averages: options.Averages = None,
+    speed: options.Speed = "max",
+    faults: options.Faults = None,
+    hidden_errors: Annotated[
+        bool, typer.Option("--hidden-errors", help="Simulated bench: give the scanner errors drawn from the seed.")
+    ] = False,
+    date: Annotated[
+        str | None, typer.Option(help="Date that a new calibration carries, for example 2026-01-31T12:00:00Z.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Report folder to make (must not exist).")] = None,
+    json: options.Json = False,
+) -> None:
+    """Calibrate the radar or test its accuracy; writes a report folder, and a calibration where one was made."""
+    from picoradar.instrument.cli import session
+    from picoradar.instrument.cli.simulated import checked_simulation
+    from picoradar.instrument.procedures import PROCEDURES
+    from picoradar.instrument.procedures.station.folder import write_outcome
+
+    if name not in PROCEDURES:
+        raise BadInput(f"bench {name!r}: no such procedure; there are {', '.join(PROCEDURES)}")
+    stamp = _date(date)
+    wanted = _settings(settings, seed, averages, hidden_errors)
+    folder = _new_folder(out or Path(f"picoradar-{name}"))
+    try:
+        with session.session(wanted, options.parse_speed(speed), faults=faults) as run:
+            session.warm_up(run)
+            outcome = _measure(run, folder, name, stamp)
+    except Interrupted as stopped:
+        raw = folder / "raw"
+        kept = f"readings so far are in {raw}" if any(raw.glob("*.db")) else "no readings were kept"
+        raise Interrupted(f"{stopped}; {run.controller.safe}; no report was written; {kept}") from stopped
+    simulated = wanted.bench == "simulated"
+    try:
+        result = write_outcome(
+            folder,
+            outcome,
+            settings=wanted,
+            seed=wanted.seed if simulated else None,
+            simulation=checked_simulation(wanted) if simulated else None,
+        )
+    except OSError as error:
+        raise BadInput(f"{folder}: the report cannot be written: {error}; make room and run this again") from error
+    if json:
+        output.print_json(result)
+    else:
+        output.print_table(f"bench {name}: {'passed' if outcome.passed else 'NOT PASSED'}", _shown(outcome, folder))
+    if not outcome.passed:
+        raise typer.Exit(output.EXIT_NOT_ACCEPTED)
+
+
+def _settings(file: Path | None, seed: int | None, averages: int | None, hidden_errors: bool) -> Settings:
+    from picoradar.instrument.cli.stages import with_hidden_errors
+
+    wanted = options.scan_settings(
+        file,
+        seed=seed,
+        target="plate" if file is None else None,
+        target_pose=None,
+        distance_mm=None,
+        grid=None,
+        step_mm=None,
+        averages=averages,
+        prf_hz=None,
+        mode="sweep",  # procedures keep whole traces
+        estimator=None,
+    )
+    return with_hidden_errors(wanted) if hidden_errors else wanted
+
+
+def _date(text: str | None) -> datetime.datetime | None:
+    if text is None:
+        return None
+    try:
+        date = datetime.datetime.fromisoformat(text)
+    except ValueError as error:
+        raise BadInput(f"--date {text!r}: {error}; write it like 2026-01-31T12:00:00Z") from error
+    if date.tzinfo is None:
+        raise BadInput(f"--date {text!r}: needs a time zone; write it like 2026-01-31T12:00:00Z")
+    return date
+
+
+def _measure(run: Session, folder: Path, name: str, date: datetime.datetime | None) -> Outcome:
+    from picoradar.instrument.procedures import PROCEDURES
+
+    def told(share: float, note: str) -> None:
+        output.console().print(f"{share:4.0%} {note}", markup=False)
+
+    if run.simulated is None:  # a bar that is redrawn would write over the questions to the person
+        return PROCEDURES[name](_station(run, name, folder, told, date))
+    with output.progress() as bar:
+        task = bar.add_task(name, total=100, note="")
+
+        def show(share: float, note: str) -> None:
+            bar.update(task, completed=100 * share, note=note)
+
+        outcome = PROCEDURES[name](_station(run, name, folder, show, date))
+        bar.update(task, completed=100, note="done")
+        return outcome
+
+
+def _station(run: Session, name: str, folder: Path, progress: Progress, date: datetime.datetime | None) -> Station:
+    from picoradar.instrument.cli.light_meters import light_meters
+    from picoradar.instrument.cli.person import Person
+    from picoradar.instrument.cli.stages import PersonStage, SimulatedStage
+    from picoradar.instrument.procedures.station.station import Station
+
+    person = Person(run.controller.rest)
+    stage = PersonStage(person) if run.simulated is None else SimulatedStage(run.simulated)
+    meters = light_meters(run, person) if name == "transmitter" else None
+    return Station(
+        run.controller,
+        run.settings,
+        run.calibration,
+        run.identities,
+        stage,
+        folder,
+        progress,
+        date,
+        meters,
+        run.settings.seed if run.simulated is not None else None,
+    )
+
+
+def _new_folder(folder: Path) -> Path:
+    try:
+        folder.mkdir(parents=True)
+    except FileExistsError as error:
+        raise BadInput(f"{folder} exists already; give another report folder with --out") from error
+    except OSError as error:
+        raise BadInput(f"{folder}: the report folder cannot be made: {error}; give another one with --out") from error
+    return folder
+
+
+def _shown(outcome: Outcome, folder: Path) -> dict[str, object]:
+    rows: dict[str, object] = {outcome.headline[1]: outcome.headline[0]}
+    rows["found"] = "\n".join(outcome.findings)
+    rows["next"] = outcome.next_step
+    rows["report"] = folder / "report.html"
+    return rows

@@ -1,0 +1,148 @@
+"""``picoradar demo``: the main job from one command, on the simulated bench and a real hip bone."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from picoradar.instrument.cli import options, output
+from picoradar.instrument.errors import BadInput
+
+LEAST_POINTS = 6
+ACCEPTED_ROTATION_DEG = 1.0  # what the clinic asks for (dissertation, chapter 1)
+ACCEPTED_TRANSLATION_MM = 1.0
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the subcommand."""
+    app.command(epilog="Examples: picoradar demo\n\npicoradar demo --seed 7 --out my-report --json")(demo)
+
+
+def demo(
+    seed: options.Seed = None,
+    settings: options.SettingsFile = None,
+    target: options.Target = None,
+    target_pose: options.TargetPose = None,
+    distance_mm: options.DistanceMm = None,
+    grid: options.Grid = None,
+    step_mm: options.StepMm = None,
+    averages: options.Averages = None,
+    prf_hz: options.PrfHz = None,
+    mode: options.Mode = None,
+    estimator: options.Estimator = None,
+    method: Annotated[str, typer.Option(help="Registration: robust or dissertation.")] = "robust",
+    speed: options.Speed = "max",
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Report folder to make; must not hold a recording yet.")
+    ] = None,
+    json: options.Json = False,
+) -> None:
+    """Warm up, scan a real hip socket on the simulated bench, register it, and write a report folder."""
+    from picoradar.instrument.cli import session
+    from picoradar.instrument.cli.commands import register as registering
+    from picoradar.instrument.cli.demo_steps import register_scan, write_folder
+
+    began = time.perf_counter()
+    wanted = options.scan_settings(
+        settings,
+        seed=seed,
+        target=target,
+        target_pose=target_pose,
+        distance_mm=distance_mm,
+        grid=grid,
+        step_mm=step_mm,
+        averages=averages,
+        prf_hz=prf_hz,
+        mode=mode,
+        estimator=estimator,
+    )
+    if wanted.bench != "simulated":
+        raise BadInput("demo runs on the simulated bench; for real devices use: picoradar scan --settings FILE")
+    if wanted.simulation.get("target") not in (None, "hip"):
+        raise BadInput("demo needs the landmarks of the hip; for another target use: picoradar scan --target ...")
+    if wanted.scan.rows * wanted.scan.columns < LEAST_POINTS:
+        raise BadInput(f"a pose needs at least {LEAST_POINTS} points; give a larger --grid")
+    chosen = registering.checked_method(method)
+    folder = report_folder(out)
+    with session.session(wanted, options.parse_speed(speed)) as run:
+        session.warm_up(run)
+        scanned, _ = session.record_scan(run, folder / "scan.db")
+        if run.simulated is None:
+            raise BadInput("demo runs on the simulated bench")
+        found = register_scan(run.simulated, folder / "scan.db", chosen)
+    result: dict[str, Any] = {
+        "scan": scanned,
+        "registration": found.described,
+        "truth_error": found.truth_error,
+        "report": str(folder / "report.html"),
+        "wall_s": None,
+    }
+    result["wall_s"] = round(time.perf_counter() - began, 3)
+    with output.console().status("writing the report"):
+        write_folder(folder, wanted, found, result, passed=accepted(result))
+    result["wall_s"] = round(time.perf_counter() - began, 3)
+    if json:
+        output.print_json(result)
+    else:
+        _show(result)
+    if not accepted(result):
+        raise typer.Exit(output.EXIT_NOT_ACCEPTED)
+
+
+def accepted(result: dict[str, Any]) -> bool:
+    """Get whether the demo did what it promises: laser off, verdict not ``fail``, error within the clinic's limits."""
+    error = result["truth_error"]
+    return bool(
+        result["scan"]["laser_off_verified"]
+        and result["registration"]["verdict"] != "fail"
+        and error["rotation_deg"] < ACCEPTED_ROTATION_DEG
+        and error["translation_mm"] < ACCEPTED_TRANSLATION_MM
+    )
+
+
+def report_folder(out: Path | None) -> Path:
+    """Make the report folder.
+
+    Raises
+    ------
+    BadInput
+        When it cannot be made or holds a recording already, which is never written over.
+    """
+    folder = out if out is not None else _free_name()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"{folder}: the report folder cannot be made: {error}; give another one with --out") from error
+    if (folder / "scan.db").exists():
+        raise BadInput(
+            f"{folder} holds a recording already, which is never written over; give another folder with --out"
+        )
+    return folder
+
+
+def _free_name() -> Path:
+    folder, number = Path("picoradar-demo"), 2
+    while folder.exists():
+        folder, number = Path(f"picoradar-demo-{number}"), number + 1
+    return folder
+
+
+def _show(result: dict[str, Any]) -> None:
+    scan, registration, error = result["scan"], result["registration"], result["truth_error"]
+    output.print_table(
+        "demo",
+        {
+            "points": f"{scan['points']} of {scan['grid'][0] * scan['grid'][1]}",
+            "device time": f"{scan['device_time_s']:.1f} s (shots alone {scan['shot_limited_s']:.1f} s)",
+            "range error, rms": f"{scan['truth']['range_rms_mm']:.3f} mm",
+            "laser off": "verified" if scan["laser_off_verified"] else "NOT VERIFIED",
+            "verdict": registration["verdict"] + ": " + " ".join(registration["reasons"]),
+            "true error of the pose": f"{error['rotation_deg']:.3f} deg, {error['translation_mm']:.3f} mm",
+            "largest error in the socket": f"{error['tre_mm']:.3f} mm",
+            "took": f"{result['wall_s']:.1f} s",
+            "report": result["report"],
+        },
+    )

@@ -1,0 +1,82 @@
+"""``picoradar doctor``: opens every device, identifies it, says what is wrong and what to do; the laser stays off."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from picoradar.instrument.cli import options, output, transcripts
+
+if TYPE_CHECKING:
+    from picoradar.instrument.bench.doctor import Finding
+    from picoradar.instrument.bench.opening import DeviceMaker
+    from picoradar.instrument.settings.tables import Settings
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the subcommand."""
+    app.command(epilog="Examples: picoradar doctor --settings bench.toml\n\npicoradar doctor --json")(doctor)
+
+
+def doctor(
+    settings: options.SettingsFile = None,
+    acknowledge: Annotated[
+        bool, typer.Option("--acknowledge", help="Unlock the bridge's gate and reset the TEC's error, causes removed.")
+    ] = False,
+    transcript: transcripts.TranscriptFile = None,
+    json: options.Json = False,
+) -> None:
+    """Open and identify every device, check limits and permissions; the laser stays off."""
+    from picoradar.instrument.bench.doctor import examine
+    from picoradar.instrument.settings.tables import Settings, load_settings
+
+    wanted = Settings() if settings is None else load_settings(settings)
+    with _maker(wanted, transcript) as make:
+        found = list(_shown(examine(wanted, make, acknowledge=acknowledge), quiet=json))
+    if json:
+        rows = [
+            {"name": f.name, "identity": f.identity or None, "link": f.link, "ok": f.ok, "problem": f.problem or None}
+            for f in found
+        ]
+        output.print_json({"devices": rows, "ok": all(f.ok for f in found)})
+    if not all(f.ok for f in found):
+        raise typer.Exit(output.EXIT_DEVICE)
+
+
+@contextmanager
+def _maker(settings: Settings, transcript: Path | None) -> Iterator[DeviceMaker]:
+    """Give the maker of the devices: real ones, or those of the simulated bench in this process."""
+    from picoradar.drivers.clock import ScaledClock
+    from picoradar.instrument.bench.opening import DeviceMaker
+
+    with transcripts.transcript_to(transcript) as written:
+        if settings.bench == "devices":
+            yield DeviceMaker(settings.links, ScaledClock(settings.links.speed), transcript=written)
+            return
+        from picoradar.instrument.cli.simulated import Simulated
+
+        simulated = Simulated(settings, None)
+        try:
+            yield DeviceMaker(simulated.links, simulated.clock, simulated.usb_backend, written)
+        finally:
+            simulated.close()
+
+
+def _shown(findings: Iterator[Finding], *, quiet: bool) -> Iterator[Finding]:
+    """Show each finding to people as soon as it is there."""
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(highlight=False)
+    for finding in findings:
+        if not quiet:
+            mark = Text("ok  ", "green") if finding.ok else Text("FAIL", "bold red")
+            who = finding.identity or "nobody answers"
+            console.print(mark, f"{finding.name:8} {who}  ({finding.link})", soft_wrap=True)
+            if finding.problem:
+                console.print(f"       {finding.problem}", soft_wrap=True, markup=False)
+        yield finding

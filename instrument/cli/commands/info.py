@@ -1,0 +1,59 @@
+"""``picoradar info``: what is in a recording, checked line by line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from picoradar.instrument.cli import output
+from picoradar.instrument.cli.options import Json
+
+if TYPE_CHECKING:
+    from picoradar.instrument.recording import Recording
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the subcommand."""
+    app.command(epilog="Example: picoradar info scan.db")(info)
+
+
+def info(
+    recording: Annotated[Path, typer.Argument(help="Recording of a scan.")],
+    json: Json = False,
+) -> None:
+    """Say what is in a recording and check every line of it."""
+    from picoradar.instrument.recording import Recording
+
+    with Recording.open(recording) as scan:
+        result = describe_recording(scan)
+    bad = result["damaged"]
+    if json:
+        output.print_json(result)
+    else:
+        shown = ("lines", "lines_ok", "complete", "stop_reason", "seed", "raster", "scanner", "versions")
+        output.print_table(str(recording), {k: result[k] for k in shown})
+        for line in bad:
+            output.console().print(f"line {line['line']}: {line['problem']}")
+    if bad:
+        raise typer.Exit(output.EXIT_NOT_ACCEPTED)
+
+
+def describe_recording(scan: Recording) -> dict[str, Any]:
+    """Describe a recording by the keys of the command's contract; every line is checked."""
+    checks, header = scan.check(), scan.header
+    damaged = [{"line": line.index, "problem": line.problem} for line in checks if not line.ok]
+    return {
+        "lines": len(checks),
+        "lines_ok": len(checks) - len(damaged),
+        "complete": scan.complete,
+        "settings": header.get("settings"),
+        "calibration": header.get("calibration"),
+        "seed": header.get("seed"),
+        "stop_reason": scan.stop_reason,
+        "raster": header.get("raster"),
+        "versions": header.get("versions"),
+        "scanner": header.get("scanner"),
+        "damaged": damaged,
+    }

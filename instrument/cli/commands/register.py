@@ -1,0 +1,227 @@
+"""``picoradar register``: a recording or a point file to a mesh."""
+
+from __future__ import annotations
+
+import json as jsonlib
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from picoradar.instrument.cli import output
+from picoradar.instrument.cli.options import Json, parse_numbers
+from picoradar.instrument.errors import BadInput
+
+if TYPE_CHECKING:
+    from picoradar.instrument.files.points import PointFile
+    from picoradar.registration import Registration
+
+Method = Annotated[str, typer.Option(help="robust, or dissertation (ICP of the thesis; needs landmarks or a pose).")]
+Start = Annotated[
+    str,
+    typer.Option(
+        help="any, landmarks, or a JSON file with a 4x4 model_from_scanner or with the directions that the scanner may "
+        'look from: {"towards": [x,y,z], "half_angle_deg": 20}, model frame.'
+    ),
+]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the subcommand."""
+    app.command(
+        epilog="Examples: picoradar register scan.db hip.stl --landmarks clicks.json\n\n"
+        "picoradar register cloud.csv hip.stl --scanner-origin 0,0,0 --json"
+    )(register)
+
+
+def register(
+    cloud: Annotated[Path, typer.Argument(help="Recording, or points as .ply .csv .xyz .npz (mm).")],
+    model: Annotated[Path, typer.Argument(help="Mesh as .stl .ply .obj .glb .vtp (mm).")],
+    landmarks: Annotated[
+        Path | None, typer.Option(help='JSON list of {"scanner": [x,y,z], "model": [x,y,z], "name": ...}.')
+    ] = None,
+    targets: Annotated[
+        Path | None, typer.Option(help='JSON list of {"position": [x,y,z], "name": ...}, model frame, mm.')
+    ] = None,
+    exclude: Annotated[
+        Path | None, typer.Option(help='JSON list of {"center": [x,y,z], "radius_mm": r}, model frame.')
+    ] = None,
+    scanner_origin: Annotated[str | None, typer.Option(help="Where the beams came from: x,y,z in mm.")] = None,
+    noise_mm: Annotated[
+        float | None, typer.Option(help="Range noise of a point, mm; estimated when not given.")
+    ] = None,
+    method: Method = "robust",
+    start: Start = "any",
+    json: Json = False,
+) -> None:
+    """Find the pose of a scanned cloud in a model, and say how far to trust it."""
+    import picoradar.registration as reg
+    from picoradar.instrument.files.points import read_points
+
+    chosen = checked_method(method)
+    begin = read_start(start, landmarks)
+    places = read_targets(targets)
+    regions = read_regions(exclude)
+    points = read_points(cloud)
+    began = time.perf_counter()
+    prepared = reg.load_model(model)
+    prepared_at = time.perf_counter()
+    origin = (
+        points.origin if scanner_origin is None else parse_numbers(scanner_origin, 3, "--scanner-origin", "x,y,z in mm")
+    )
+    result = reg.register(
+        points.points,
+        prepared,
+        start=begin,
+        origin=(0.0, 0.0, 0.0) if origin is None else origin,
+        covariance=points.covariance,
+        response_mv=points.response_mv,
+        grid=points.grid,
+        method=chosen,
+        targets=places,
+        noise_mm=noise_mm,
+        exclude=regions,
+    )
+    done = time.perf_counter()
+    described = describe(result, prepare_ms=(prepared_at - began) * 1e3, register_ms=(done - prepared_at) * 1e3)
+    if json:
+        output.print_json(described)
+    else:
+        show(points, result)
+    if result.verdict == "fail":
+        raise typer.Exit(output.EXIT_NOT_ACCEPTED)
+
+
+def describe(result: Registration, *, prepare_ms: float, register_ms: float) -> dict[str, Any]:
+    """Describe a registration by the keys of the command's contract."""
+    return {**result.to_dict(), "prepare_ms": round(prepare_ms, 3), "register_ms": round(register_ms, 3)}
+
+
+def checked_method(text: str) -> Literal["robust", "dissertation"]:
+    """Check the name of the method.
+
+    Raises
+    ------
+    BadInput
+    """
+    if text == "robust":
+        return "robust"
+    if text == "dissertation":
+        return "dissertation"
+    raise BadInput(f"--method {text!r}: give robust or dissertation")
+
+
+def read_list(path: Path | None, option: str) -> list[dict[str, Any]] | None:
+    """Read a JSON file that holds a list of objects.
+
+    Raises
+    ------
+    BadInput
+        With file and finding.
+    """
+    if path is None:
+        return None
+    content = _read_json(path, option)
+    if not isinstance(content, list) or not all(isinstance(entry, dict) for entry in content):
+        raise BadInput(f"{option} {path}: a JSON list of objects is needed; see picoradar register --help")
+    return content
+
+
+def read_targets(path: Path | None) -> list[dict[str, Any]] | None:
+    """Read the places where the error matters; what is wrong with them is said before the registration begins.
+
+    Raises
+    ------
+    BadInput
+        With file and finding.
+    """
+    from picoradar.registration import check_targets
+
+    return _read_checked(path, "--targets", check_targets)
+
+
+def read_regions(path: Path | None) -> list[dict[str, Any]] | None:
+    """Read the regions of the model that take no part; refused like `read_targets`."""
+    from picoradar.registration.refine.exclusion import excluded_regions
+
+    return _read_checked(path, "--exclude", excluded_regions)
+
+
+def _read_checked(path: Path | None, option: str, check: Callable[[Any], object]) -> list[dict[str, Any]] | None:
+    entries = read_list(path, option)
+    _refused_in(f"{option} {path}", check, entries)
+    return entries
+
+
+def _refused_in(where: str, check: Callable[[Any], object], content: object) -> None:
+    """Let the registration check what was read; what it refuses is said with option and file."""
+    from picoradar.registration import RegistrationError
+
+    try:
+        check(content)
+    except RegistrationError as error:
+        raise BadInput(f"{where}: {error}") from error
+
+
+def read_start(start: str, landmarks: Path | None) -> Any:
+    """Turn ``--start`` and ``--landmarks`` into what `registration.register` takes.
+
+    Raises
+    ------
+    BadInput
+        When they contradict each other or a file does not hold what it should.
+    """
+    from picoradar.registration import Cone, Landmarks
+
+    pairs = read_list(landmarks, "--landmarks")
+    if pairs is not None:
+        _refused_in(f"--landmarks {landmarks}", Landmarks.from_pairs, pairs)
+    if pairs is not None and start in ("any", "landmarks"):
+        return pairs
+    if start == "any":
+        return "any"
+    if start == "landmarks":
+        raise BadInput("--start landmarks: no landmarks given; add --landmarks FILE")
+    if pairs is not None:
+        raise BadInput("--start FILE and --landmarks FILE exclude each other; give one of them")
+    pose = _read_json(Path(start), "--start")
+    if isinstance(pose, dict) and "towards" in pose:
+        _refused_in(f"--start {start}", Cone.from_mapping, pose)
+        return pose
+    if isinstance(pose, dict):
+        pose = pose.get("model_from_scanner")
+    if not (isinstance(pose, list) and len(pose) == 4 and all(isinstance(row, list) and len(row) == 4 for row in pose)):
+        raise BadInput(
+            f"--start {start}: neither a 4x4 matrix nor a cone of directions in it; give rows [[..4 numbers..], ...], "
+            'a result of register, or {"towards": [x, y, z], "half_angle_deg": a}'
+        )
+    return pose
+
+
+def _read_json(path: Path, option: str) -> Any:
+    try:
+        return jsonlib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"{option} {path}: cannot be read: {error}") from error
+    except jsonlib.JSONDecodeError as error:
+        raise BadInput(f"{option} {path}: not valid JSON: {error}") from error
+
+
+def show(points: PointFile, result: Registration) -> None:
+    """Print a registration for people."""
+    rows: dict[str, Any] = {
+        "verdict": result.verdict,
+        "why": "\n".join(result.reasons),
+        "points used": f"{int(result.inliers.sum())} of {len(points.points)}",
+        "residual rms, mm": f"{result.rms_mm:.3f}",
+        "predicted rotation error, deg": f"{result.predicted_rotation_deg:.3f}",
+    }
+    for target in result.targets:
+        random = f"{target.rms_mm:.3f} rms, {target.p95_mm:.3f} in 95 %"
+        rows[f"predicted error at {target.name}, mm"] = f"{random}, plus a bias up to {target.bias_mm:.3f}"
+    for rival in result.rivals:
+        rows["rival pose"] = f"{rival.rotation_deg:.1f} deg, {rival.translation_mm:.1f} mm away"
+    rows["model_from_scanner"] = "\n".join(" ".join(f"{v:10.5f}" for v in row) for row in result.model_from_scanner)
+    output.print_table("registration", rows)

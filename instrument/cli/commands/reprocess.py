@@ -1,0 +1,66 @@
+"""``picoradar rerange``: a recording with raw traces, ranged again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from picoradar.instrument.cli import options, output
+from picoradar.instrument.errors import BadInput
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the subcommand."""
+    app.command(epilog="Example: picoradar rerange scan.db -o better.db --estimator template")(rerange)
+
+
+def rerange(
+    recording: Annotated[Path, typer.Argument(help="Recording with its raw traces or windows.")],
+    out: Annotated[Path, typer.Option("-o", help="Recording to make (a file that does not exist).")],
+    estimator: options.Estimator = None,
+    calibration: Annotated[
+        Path | None, typer.Option(help="Calibration file; by default the one that the recording holds.")
+    ] = None,
+    json: options.Json = False,
+) -> None:
+    """Range a recording again, with another estimator or calibration; the old one stays as it is."""
+    from picoradar.instrument.acquisition.reprocess import rerange as range_again
+    from picoradar.instrument.calibration.file import Calibration
+    from picoradar.instrument.cli.commands.info import describe_recording
+    from picoradar.instrument.line.scan_line import ScanLine
+    from picoradar.instrument.recording import Recording
+
+    method = checked_method(estimator)
+    with output.progress() as bar:
+        task = bar.add_task("ranging", total=None, note="")
+
+        def show(line: ScanLine) -> None:
+            bar.update(task, advance=1, note=f"line {line.index}")
+
+        used = Calibration.load(calibration) if calibration is not None else None
+        range_again(recording, out, method=method, calibration=used, on_line=show)
+    with Recording.open(out) as made:
+        result = describe_recording(made)
+    if json:
+        output.print_json(result)
+    else:
+        shown = ("lines", "lines_ok", "complete", "stop_reason", "raster")
+        output.print_table(str(out), {key: result[key] for key in shown})
+
+
+def checked_method(name: str | None) -> Literal["half-maximum", "template"] | None:
+    """Check the name of an estimator; None is the recording's own.
+
+    Raises
+    ------
+    BadInput
+    """
+    if name is None:
+        return None
+    if name == "template":
+        return "template"
+    if name == "half-maximum":
+        return "half-maximum"
+    raise BadInput(f"--estimator {name!r}: give half-maximum or template")

@@ -1,0 +1,93 @@
+"""``picoradar scan``: one scan to a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from picoradar.instrument.cli import options, output, transcripts
+from picoradar.instrument.errors import BadInput
+
+DEFAULT_NAME = "scan.db"
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the subcommand."""
+    app.command(
+        epilog="Examples: picoradar scan --target prism -o prism.db\n\n"
+        "picoradar scan --settings bench.toml --grid 60x60 --step-mm 0.5 --json"
+    )(scan)
+
+
+def scan(
+    settings: options.SettingsFile = None,
+    target: options.Target = None,
+    target_pose: options.TargetPose = None,
+    distance_mm: options.DistanceMm = None,
+    grid: options.Grid = None,
+    step_mm: options.StepMm = None,
+    averages: options.Averages = None,
+    prf_hz: options.PrfHz = None,
+    mode: options.Mode = None,
+    estimator: options.Estimator = None,
+    seed: options.Seed = None,
+    faults: options.Faults = None,
+    speed: options.Speed = "max",
+    out: Annotated[Path | None, typer.Option("-o", help="Recording to make (a file that does not exist).")] = None,
+    folder: Annotated[Path | None, typer.Option("--out", help="Folder for the recording, made if need be.")] = None,
+    transcript: transcripts.TranscriptFile = None,
+    json: options.Json = False,
+) -> None:
+    """Warm up, take one scan into a recording, and leave the laser verified off."""
+    from picoradar.instrument.cli import session
+
+    wanted = options.scan_settings(
+        settings,
+        seed=seed,
+        target=target,
+        target_pose=target_pose,
+        distance_mm=distance_mm,
+        grid=grid,
+        step_mm=step_mm,
+        averages=averages,
+        prf_hz=prf_hz,
+        mode=mode,
+        estimator=estimator,
+    )
+    path = recording_path(out, folder)
+    with (
+        transcripts.transcript_to(transcript) as written,
+        session.session(wanted, options.parse_speed(speed), written, faults=faults) as run,
+    ):
+        session.warm_up(run)
+        result, outcome = session.record_scan(run, path)
+    if json:
+        output.print_json(result)
+    else:
+        output.print_table("scan", result)
+    if not outcome.safe.laser_off_verified:
+        raise typer.Exit(output.EXIT_NOT_ACCEPTED)
+
+
+def recording_path(out: Path | None, folder: Path | None) -> Path:
+    """Choose where the recording goes, before anything is switched.
+
+    Raises
+    ------
+    BadInput
+        When there is something already, or the folder cannot be made.
+    """
+    path = out if out is not None else Path(DEFAULT_NAME)
+    if folder is not None:
+        if not (folder / path).resolve().is_relative_to(folder.resolve()):
+            raise BadInput(f"-o {path}: leads out of the folder {folder}; give a name inside it, or no --out")
+        path = folder / path
+    if path.exists():
+        raise BadInput(f"{path} exists already and will not be written over; give another name with -o")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"{path.parent}: the folder cannot be made: {error}; give another one") from error
+    return path

@@ -1,0 +1,55 @@
+"""``picoradar validate``: the simulator against the dissertation, value by value."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from picoradar.instrument.cli import options, output
+from picoradar.instrument.errors import BadInput
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the subcommand."""
+    app.command(epilog="Example: picoradar validate --out validation")(validate)
+
+
+def validate(
+    out: Annotated[Path, typer.Option("--out", help="Folder for the page and its pictures.")] = Path("validation"),
+    seed: options.Seed = None,
+    json: options.Json = False,
+) -> None:
+    """Compare the simulated radar with what the dissertation measured, on one page with pictures."""
+    from picoradar.sim.validation import validate as compare
+    from picoradar.sim.validation.run import PARTS, SEED
+
+    with output.progress() as bar:
+        task = bar.add_task("validate", total=len(PARTS), note="")
+        begun = 0
+
+        def show(part: str) -> None:
+            nonlocal begun
+            bar.update(task, completed=begun, note=part)
+            begun += 1
+
+        try:
+            result = compare(out, SEED if seed is None else seed, show)
+        except OSError as error:
+            raise BadInput(f"{out}: the report cannot be written: {error}; give another folder with --out") from error
+        bar.update(task, completed=len(PARTS), note="done")
+    if json:
+        output.print_json(result)
+    else:
+        output.print_table(
+            "simulator against dissertation",
+            {
+                f"{'ok  ' if figure['passed'] else 'FAIL'} {figure['name']}": f"{figure['simulator']} "
+                f"(dissertation {figure['dissertation']}, {figure['tolerance']})"
+                for figure in result["figures"]
+            },
+        )
+        output.console().print(f"report: {result['report']}")
+    if not result["passed"]:
+        raise typer.Exit(output.EXIT_NOT_ACCEPTED)

@@ -1,9 +1,0 @@
-"""Refusals of the export."""
-
-from __future__ import annotations
-
-from instrument.errors import BadInput
-
-
-class ExportError(BadInput):
-    """A file cannot be written as asked: which, why, what to do."""

@@ -1,0 +1,24 @@
+"""Libraries that only some formats need."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+from picoradar.instrument.files.export.errors import ExportError
+
+
+def library(name: str, path: Path) -> Any:
+    """Import a library that is not part of a plain installation.
+
+    Raises
+    ------
+    ExportError
+        If it is not installed: what to install.
+    """
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        remedy = "install it with: pip install 'picoradar[formats]'"
+        raise ExportError(f"{path}: {path.suffix} needs the library {name}, which is not here; {remedy}") from error

@@ -1,0 +1,76 @@
+"""Write a file whole or not at all: temporary name beside it, fsync, read back, rename."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+from picoradar.instrument.files.export.errors import ExportError
+
+
+def write_safely(path: Path, write: Callable[[Path], None], holds: Callable[[Path], bool]) -> None:
+    """Put a file (or a folder, for formats that are one) in place once it is proven.
+
+    Parameters
+    ----------
+    path : Path
+        Where it shall be; an older file there is replaced at the very end.
+    write : callable
+        Writes to the temporary path given.
+    holds : callable
+        Reads the temporary path back and tells whether it holds what was meant.
+
+    Raises
+    ------
+    ExportError
+        If the folder does not exist, the disk refuses, or the file reads back differently; what was at `path` before
+        is then still there.
+    """
+    if not path.parent.is_dir():
+        raise ExportError(f"{path}: there is no folder {path.parent}; make it first")
+    if path.is_dir() and not (path / "zarr.json").is_file():
+        raise ExportError(f"{path}: is a folder; give the name of a file")
+    temporary = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
+    try:
+        write(temporary)
+        _sync(temporary)
+        if not _reads_back(holds, temporary):
+            raise ExportError(
+                f"{path}: reads back differently from what was written; nothing was changed; check the disk"
+            )
+        if path.is_dir():
+            shutil.rmtree(path)
+        os.replace(temporary, path)
+        _sync_entry(path.parent)
+    except OSError as error:
+        raise ExportError(f"{path}: cannot be written ({error.strerror or error}); nothing was changed") from error
+    finally:
+        if temporary.is_dir():
+            shutil.rmtree(temporary)
+        else:
+            temporary.unlink(missing_ok=True)
+
+
+def _reads_back(holds: Callable[[Path], bool], temporary: Path) -> bool:
+    try:
+        return holds(temporary)
+    except ValueError:  # every reader's word for a file that it cannot make sense of
+        return False
+
+
+def _sync(path: Path) -> None:
+    for entry in [path, *path.rglob("*")] if path.is_dir() else [path]:
+        _sync_entry(entry)
+
+
+def _sync_entry(path: Path) -> None:
+    if path.is_dir() and os.name == "nt":
+        return  # folders cannot be synced there, and need not be
+    handle = os.open(path, os.O_RDONLY if os.name != "nt" else os.O_RDWR)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -1,0 +1,6 @@
+"""Point files: points for a registration, whatever program wrote them."""
+
+from picoradar.instrument.files.points.errors import PointFileError
+from picoradar.instrument.files.points.reading import SUFFIXES, PointFile, read_points
+
+__all__ = ["SUFFIXES", "PointFile", "PointFileError", "read_points"]

@@ -1,0 +1,1 @@
+"""One line of a scan: what crosses from the acquisition to its sinks."""

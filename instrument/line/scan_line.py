@@ -1,0 +1,86 @@
+"""`ScanLine`: the only thing that crosses from acquisition to its sinks."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from picoradar.instrument.line.windows import LineWindows
+
+
+class Flag(enum.IntFlag):
+    """What is known against a point; several may hold at once. The values are stored in recordings."""
+
+    NONE = 0
+    NO_ECHO = 1  # no pulse stands out of the noise after the reference
+    LOW_RESPONSE = 2  # an echo, but so weak that the range is doubtful
+    CLIPPED = 4  # samples at an end of the A/D: the peak, and with it the 50 % level, is not known
+    OVERLAPPED = 8  # reference and echo run into each other
+    MIXED = 16  # more than one echo, or an edge or rim under the spot: two surfaces in the footprint
+    WALK_EXTRAPOLATED = 32  # response outside the range of the walk calibration
+    RETAKEN = 64  # the place was measured again
+    MOTION = 128  # target or mirrors have moved since the first lines
+    NO_REFERENCE = 256  # the reference pulse is missing: no range at all
+
+    @property
+    def words(self) -> str:
+        """Get the name as reports and JSON show it, for example ``low response``."""
+        return (self.name or "none").lower().replace("_", " ")
+
+
+NO_RANGE = Flag.NO_ECHO | Flag.NO_REFERENCE
+SUSPECT = Flag.LOW_RESPONSE | Flag.CLIPPED | Flag.OVERLAPPED | Flag.MIXED | Flag.WALK_EXTRAPOLATED | Flag.MOTION
+
+
+@dataclass(frozen=True)
+class ScanLine:
+    """One line of the raster, complete: every place of the plan has an entry, also those without an echo.
+
+    Attributes
+    ----------
+    index : int
+        Row of the raster, from 0.
+    columns : (N,) int array
+        Raster column of each entry.
+    angles_rad : (N, 2) float array
+        Optical angles of the two mirrors that the beam was sent to (about x, about y of `picoradar.instrument.calibration.geometry`).
+    points_mm : (N, 3) float array
+        Points in the scanner frame; NaN where there is no range.
+    covariance_mm2 : (N, 3, 3) float array
+        Covariance of each point (range, pointing); NaN where there is no range.
+    range_mm, range_variance_mm2, response_mv : (N,) float arrays
+        Range along the beam (walk corrected), its variance, and amplitude of the echo; NaN where there is none.
+    flags : (N,) uint16 array
+        Sums of `Flag`.
+    sums : (N, S) uint16 or uint32 array or None
+        Raw traces: sums of the A/D codes over `sweeps`, if they are kept.
+    sweeps : int
+        Sweeps in each sum.
+    device_time_s : float
+        Device time (s on the bench's clock) at which the line was begun.
+    windows : LineWindows or None
+        Raw windows in place of whole traces, if they are kept.
+    """
+
+    index: int
+    columns: NDArray[np.int32]
+    angles_rad: NDArray[np.float64]
+    points_mm: NDArray[np.float64]
+    covariance_mm2: NDArray[np.float64]
+    range_mm: NDArray[np.float64]
+    range_variance_mm2: NDArray[np.float64]
+    response_mv: NDArray[np.float64]
+    flags: NDArray[np.uint16]
+    sums: NDArray[np.unsignedinteger] | None
+    sweeps: int
+    device_time_s: float
+    windows: LineWindows | None = None
+
+    @property
+    def has_range(self) -> NDArray[np.bool_]:
+        """Get the (N,) mask of entries that carry a point."""
+        mask: NDArray[np.bool_] = (self.flags & np.uint16(NO_RANGE)) == 0
+        return mask

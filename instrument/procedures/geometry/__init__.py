@@ -1,0 +1,1 @@
+"""Bench procedure `geometry`: the scanner's parameters from planes."""

@@ -1,0 +1,1 @@
+"""Bench procedures `gray-target` and `templates`: timing walk and pulse shapes from gray cards."""

@@ -1,0 +1,1 @@
+"""Bench procedure `prism`: accuracy on a body of known shape."""

@@ -1,0 +1,1 @@
+"""Bench procedure `scanner`: settling and step response of the mirrors."""

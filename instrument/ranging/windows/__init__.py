@@ -1,0 +1,1 @@
+"""Windowed records: where windows go, which, and the ranges that come out of them."""

@@ -1,0 +1,242 @@
+"""The template estimator on windowed records: two short pieces of the trace instead of all of it (SBP 1.1)."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from picoradar.instrument.calibration.file import Calibration
+from picoradar.instrument.errors import BadInput
+from picoradar.instrument.line.scan_line import Flag
+from picoradar.instrument.ranging.pair import PulsePair, mark, mark_misplaced, share_reference, to_ranges
+from picoradar.instrument.ranging.ranges import Ranges
+from picoradar.instrument.ranging.settings import RangingSettings
+from picoradar.instrument.ranging.shape_table import ShapeTable
+from picoradar.instrument.ranging.template import LEAD_PS, TRAIL_PS, bad_fit, combine, shapes_of, tables, unreliable
+from picoradar.instrument.ranging.template_fit import PulseFit, fit_pulses
+from picoradar.instrument.ranging.windows.fit import Place, Window
+from picoradar.instrument.ranging.windows.traces import WindowTraces
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+FlagArray = NDArray[np.uint16]
+
+SMOOTH_PS = 60.0
+FOOT_PS, TOP_PS = 80.0, 130.0  # least way of the 50 % point from either end of its window
+BLOCK = 512  # records handled together: their windows stay in the cache
+
+
+def estimate_windows(
+    reference: WindowTraces,
+    echo: WindowTraces,
+    *,
+    calibration: Calibration,
+    clipped: ArrayLike = False,
+    shared_reference: bool = False,
+    settings: RangingSettings | None = None,
+) -> Ranges:
+    """Range records of two windows, one over the reference and one over the place where the echo is expected.
+
+    A record whose echo is not in its window, with room before and behind the 50 % point, has `Flag.NO_ECHO`: take it
+    again with a wider window.
+
+    Parameters
+    ----------
+    reference, echo : WindowTraces
+        Of the same R records. A window may also be long and coarse (a search).
+    calibration : Calibration
+        With templates and noise.
+    clipped : (R,) bool array, optional
+        Records in which the device has seen samples at an end of its A/D.
+    shared_reference : bool
+        Use the mean place of the reference over these records (taken one shortly after the other, as those of a line)
+        if their scatter allows it; see `pair.share_reference`.
+
+    Raises
+    ------
+    BadInput
+        When the calibration has no templates, or the windows are not of the same records.
+    """
+    limits = settings or RangingSettings()
+    seen_clipped = np.broadcast_to(np.asarray(clipped, dtype=np.bool_), (len(reference.values_mv),))
+    pair, flags = _pairs(reference, echo, seen_clipped, calibration, limits)
+    return _ranges(pair, flags, shared_reference, calibration, limits)
+
+
+def estimate_places(
+    places: Sequence[Place],
+    traces_mv: Sequence[tuple[ArrayLike, ArrayLike]],
+    *,
+    calibration: Calibration,
+    clipped: ArrayLike = False,
+    shared_reference: bool = False,
+    settings: RangingSettings | None = None,
+) -> Ranges:
+    """Range places whose windows may differ in length, step and sweeps, those of the same form together.
+
+    Parameters
+    ----------
+    places : sequence of N Place
+        The windows as they were taken.
+    traces_mv : sequence of N pairs of arrays
+        Mean traces of the reference window and the echo window. A trace of another length than its window is flagged
+        as without reference.
+    calibration, clipped, shared_reference, settings
+        As `estimate_windows`.
+    """
+    limits = settings or RangingSettings()
+    seen_clipped = np.broadcast_to(np.asarray(clipped, dtype=np.bool_), (len(places),))
+    forms: dict[tuple[float, int, float, int], list[int]] = defaultdict(list)
+    for number, place in enumerate(places):
+        r, e = place.reference, place.echo
+        forms[r.step_ps, r.samples, e.step_ps, e.samples].append(number)
+    order: list[int] = []
+    pairs: list[PulsePair] = []
+    flags: list[FlagArray] = []
+    for numbers in forms.values():
+        reference = _gather([(places[n].reference, traces_mv[n][0]) for n in numbers])
+        echo = _gather([(places[n].echo, traces_mv[n][1]) for n in numbers])
+        pair, found = _pairs(reference, echo, seen_clipped[numbers], calibration, limits)
+        order += numbers
+        pairs.append(pair)
+        flags.append(found)
+    back = np.argsort(order)
+    return _ranges(
+        PulsePair.joined(pairs).taken(back), np.concatenate(flags)[back], shared_reference, calibration, limits
+    )
+
+
+def with_retaken(ranges: Ranges, places: NDArray[np.intp], again: Ranges) -> Ranges:
+    """Return a line with the places (M,) that were taken again in the place of the first try, flagged
+    `Flag.RETAKEN`."""
+    order = np.arange(len(ranges.flags))
+    order[places] = len(order) + np.arange(len(places))
+    flagged = replace(again, flags=again.flags | np.uint16(Flag.RETAKEN))
+    return Ranges.joined([ranges, flagged]).taken(order)
+
+
+def _gather(windows: Sequence[tuple[Window, ArrayLike]]) -> WindowTraces:
+    """Put windows of the same form together; a trace of another length becomes NaN."""
+    samples = windows[0][0].samples
+    rows = [np.asarray(trace, dtype=np.float64) for _, trace in windows]
+    return WindowTraces.of(
+        np.stack([row if row.shape == (samples,) else np.full(samples, np.nan) for row in rows]),
+        [window.start_ps for window, _ in windows],
+        windows[0][0].step_ps,
+        [window.sweeps for window, _ in windows],
+    )
+
+
+def _pairs(
+    reference: WindowTraces,
+    echo: WindowTraces,
+    seen_clipped: BoolArray,
+    calibration: Calibration,
+    limits: RangingSettings,
+) -> tuple[PulsePair, FlagArray]:
+    records = len(reference.values_mv)
+    if records != len(echo.values_mv):
+        raise BadInput(f"{records} reference windows and {len(echo.values_mv)} echo windows")
+    blocks = [slice(first, first + BLOCK) for first in range(0, max(records, 1), BLOCK)]
+    found = [_block(reference.part(b), echo.part(b), seen_clipped[b], calibration, limits) for b in blocks]
+    return PulsePair.joined([pair for pair, _ in found]), np.concatenate([flags for _, flags in found])
+
+
+def _block(
+    reference: WindowTraces,
+    echo: WindowTraces,
+    seen_clipped: BoolArray,
+    calibration: Calibration,
+    limits: RangingSettings,
+) -> tuple[PulsePair, FlagArray]:
+    shapes = shapes_of(calibration)
+    first = _fit(reference, tables(shapes, reference.step_ps)[0], limits)
+    second = _fit(echo, tables(shapes, echo.step_ps)[1], limits)
+    flags = np.zeros(len(reference.values_mv), dtype=np.uint16)
+    mark(flags, Flag.NO_REFERENCE, first.missing | bad_fit(first.fit, limits))
+    mark(flags, Flag.NO_ECHO, second.missing & ~first.missing)
+    mark(flags, Flag.MIXED, ~second.missing & ~first.missing & (bad_fit(second.fit, limits) | second.others))
+    lowest, highest = limits.clip_mv
+    for window in (reference, echo):
+        mark(flags, Flag.CLIPPED, (window.values_mv.min(axis=1) < lowest) | (window.values_mv.max(axis=1) > highest))
+    mark(flags, Flag.CLIPPED, seen_clipped)
+    fits = [unreliable(found.fit, found.missing) for found in (first, second)]
+    return combine(fits[0], fits[1], first.first_ps, second.first_ps), flags
+
+
+def _ranges(
+    pair: PulsePair, flags: FlagArray, shared_reference: bool, calibration: Calibration, limits: RangingSettings
+) -> Ranges:
+    mark_misplaced(flags, pair, calibration)
+    if shared_reference:
+        pair = share_reference(pair, (flags & np.uint16(Flag.NO_REFERENCE)) == 0)
+    return to_ranges(pair, flags, "template", calibration, limits)
+
+
+class _Found(NamedTuple):
+    """The strongest pulse of each window: its fit, the instant that the fit's delay counts from, where there is no
+    pulse at all (``missing``), and where a long window holds another one (``others``)."""
+
+    fit: PulseFit
+    first_ps: FloatArray
+    missing: BoolArray
+    others: BoolArray
+
+
+def _fit(window: WindowTraces, table: ShapeTable, limits: RangingSettings) -> _Found:
+    usable = np.asarray(np.isfinite(window.values_mv).all(axis=1), dtype=np.bool_)
+    whole = window.values_mv if usable.all() else np.where(usable[:, None], window.values_mv, 0.0)
+    edge, height = _half_way(whole, window.step_ps)
+    samples = min(whole.shape[1], round((LEAD_PS + TRAIL_PS) / window.step_ps))
+    cut = np.clip(edge - round(LEAD_PS / window.step_ps), 0, whole.shape[1] - samples)
+    pieces = whole
+    if samples < whole.shape[1]:
+        pieces = np.take_along_axis(whole, cut[:, None] + np.arange(samples), axis=1)
+    guess = np.asarray((edge - cut) * window.step_ps, dtype=np.float64)
+    fit = fit_pulses(pieces, table, guess, height, window.sweeps)
+    place = fit.delay_ps + cut * window.step_ps
+    sd = np.sqrt(fit.covariance[:, 1, 1])
+    missing = (
+        ~usable
+        | (fit.amplitude_mv < np.maximum(limits.detection_sigmas * sd, limits.least_response_mv))
+        | (place < FOOT_PS)
+        | (place > (whole.shape[1] - 1) * window.step_ps - TOP_PS)
+    )
+    others = _others(whole, cut, samples, fit, window.step_ps, limits)
+    return _Found(fit, window.first_ps + cut * window.step_ps, missing, others)
+
+
+def _others(
+    whole: FloatArray, cut: NDArray[np.int64], samples: int, fit: PulseFit, step_ps: float, limits: RangingSettings
+) -> BoolArray:
+    """Return where another pulse stands outside the piece that was fitted."""
+    width = max(1, round(SMOOTH_PS / step_ps))
+    if whole.shape[1] < samples + width:
+        return np.zeros(len(whole), dtype=np.bool_)
+    index = np.arange(whole.shape[1])
+    outside = (index < cut[:, None]) | (index >= (cut + samples)[:, None])
+    sums = np.cumsum(np.where(outside, whole - fit.baseline_mv[:, None], 0.0), axis=1)
+    highest = np.max(sums[:, width:] - sums[:, :-width], axis=1) / width
+    noise = limits.detection_sigmas * fit.residual_mv / np.sqrt(width)
+    least = np.maximum(limits.least_response_mv, limits.ringing_share * fit.amplitude_mv)
+    return np.asarray(highest > np.maximum(noise, least), dtype=np.bool_)
+
+
+def _half_way(values: FloatArray, step_ps: float) -> tuple[NDArray[np.int64], FloatArray]:
+    """Return the sample nearest to half way up to the highest, and that height, in smoothed traces."""
+    width = max(1, min(round(SMOOTH_PS / step_ps), values.shape[1] // 4))
+    sums = np.cumsum(values, axis=1)
+    smooth = (sums[:, width:] - sums[:, :-width]) / width  # of samples 1 .. M - 1
+    top = np.argmax(smooth, axis=1)
+    index = np.arange(smooth.shape[1])
+    high = np.take_along_axis(smooth, top[:, None], axis=1)
+    low = np.min(np.where(index <= top[:, None], smooth, np.inf), axis=1, keepdims=True)
+    below = (smooth < (high + low) / 2) & (index <= top[:, None])
+    last = smooth.shape[1] - 1 - np.argmax(below[:, ::-1], axis=1)
+    edge = np.where(below.any(axis=1), last, 0) + 1 + width // 2
+    return edge, np.maximum((high - low)[:, 0], 1.0)

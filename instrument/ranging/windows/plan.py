@@ -1,0 +1,218 @@
+"""`WindowPlanner`: where the windows of the next line lie, and how many shots are just enough.
+
+A whole line runs without the host (advance input), so its windows are chosen before it, from the lines that are done:
+
+* the reference window always lies where the reference was seen last;
+* the echo is expected where the line before saw it in the same column, continued by the step from the line before that;
+  the margin grows with the differences to the neighbours;
+* places of the first line, places without a neighbour that had an echo, and places taken again get a wide window over
+  the whole working range. With a step of a tenth of the rise time and more, that costs little more than a narrow one.
+
+Step, samples and sweeps are the cheapest ones that promise the wanted uncertainty at the response seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from picoradar.instrument.calibration.file import Calibration
+from picoradar.instrument.errors import BadInput
+from picoradar.instrument.line.scan_line import NO_RANGE, Flag
+from picoradar.instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, Ranges
+from picoradar.instrument.ranging.template import shapes_of
+from picoradar.instrument.ranging.windows.choice import PlanSettings, cheapest_windows
+from picoradar.instrument.ranging.windows.fit import Place, Window
+
+FloatArray = NDArray[np.float64]
+
+MARGINS_PS = (30.0, 60.0, 120.0, 240.0)
+REFERENCE_MARGIN_PS = 20.0
+LEAST_RESPONSE_MV = 3.0
+LOOK_SD = 0.6  # of the wanted uncertainty
+NEAR, LEAST_SHARE = 4, 0.75  # response against the median of the places near by
+RETRY = Flag.NO_ECHO | Flag.NO_REFERENCE | Flag.MIXED
+
+
+@dataclass
+class WindowPlanner:
+    """Plans one line after the other.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        With templates, noise, and ``reference_ps``.
+    columns : int
+        Places in a line.
+    settings : PlanSettings
+
+    Raises
+    ------
+    BadInput
+        When the calibration lacks what is needed.
+    """
+
+    calibration: Calibration
+    columns: int
+    settings: PlanSettings = field(default_factory=PlanSettings)
+
+    def __post_init__(self) -> None:
+        shapes_of(self.calibration)
+        self._reference = self._calibrated_reference()
+        blank = np.full(self.columns, np.nan)
+        self._echo_ps: list[FloatArray] = [blank, blank]  # the last line, and the one before
+        self._response_mv: FloatArray = blank
+        self._choose = lru_cache(maxsize=256)(self._cheapest)
+
+    def line(self) -> list[Place]:
+        """Return the windows of all places of the next line."""
+        expected, margin = self._expectation()
+        response = _filled(self._response_mv, self.settings.first_response_mv)
+        return [
+            self._place(float(expected[c]), float(margin[c]), float(response[c]), self._reference)
+            for c in range(self.columns)
+        ]
+
+    def wide(self, columns: Sequence[int] | NDArray[np.integer]) -> list[Place]:
+        """Return wide windows for some places, to take them again; the reference, too, is looked for anew."""
+        response = _filled(self._response_mv, self.settings.first_response_mv)
+        reference = self._calibrated_reference()
+        return [self._place(np.nan, np.nan, float(response[c]), reference) for c in columns]
+
+    def look(self, echo_ps: float, response_mv: float) -> Place:
+        """Return the windows for a look at a place that was seen before, with about half of the usual uncertainty and
+        a reference of its own."""
+        reference_ps, reference_margin_ps = self._reference
+        windows = cheapest_windows(
+            replace(self.settings, wanted_sd_mm=LOOK_SD * self.settings.wanted_sd_mm),
+            self.calibration,
+            reference_margin_ps=reference_margin_ps,
+            margin_ps=MARGINS_PS[-2],
+            response_mv=response_mv,
+            sharing=1,
+        )
+        return Place(_at(windows[0], reference_ps), _at(windows[1], echo_ps), wide=False)
+
+    def lost(self, places: Sequence[Place], ranges: Ranges) -> NDArray[np.intp]:
+        """Return the columns to be taken again with a wide window.
+
+        These are places whose narrow window showed no echo, no reference or a poor fit, and those whose response has
+        dropped against the line and against the line before: there the spot may lie on a rim, with most of its light
+        on another surface.
+        """
+        narrow = np.array([not place.wide for place in places], dtype=np.bool_)
+        poor = (ranges.flags & np.uint16(RETRY)) != 0
+        usual = np.array(
+            [_median(ranges.response_mv[max(0, c - NEAR) : c + NEAR + 1]) for c in range(len(ranges.response_mv))]
+        )
+        with np.errstate(invalid="ignore"):
+            dropped = ranges.response_mv < LEAST_SHARE * usual
+            dropped &= ~(ranges.response_mv > LEAST_SHARE * self._response_mv)  # the line before showed nothing else
+        return np.flatnonzero(narrow & (poor | dropped))
+
+    def learn(self, ranges: Ranges) -> None:
+        """Take in a line that is done; the next one is planned from it.
+
+        Raises
+        ------
+        BadInput
+            When it has another number of places.
+        """
+        if len(ranges.echo_ps) != self.columns:
+            raise BadInput(f"a line of {len(ranges.echo_ps)} places for a raster of {self.columns} columns")
+        good = (ranges.flags & np.uint16(NO_RANGE)) == 0
+        self._echo_ps = [np.where(good, ranges.echo_ps, np.nan), self._echo_ps[0]]
+        one_surface = good & ((ranges.flags & np.uint16(Flag.MIXED)) == 0)
+        self._response_mv = np.where(one_surface, ranges.response_mv, np.nan)
+        if np.isfinite(ranges.reference_ps).any():
+            self._reference = float(np.nanmedian(ranges.reference_ps)), REFERENCE_MARGIN_PS
+
+    def memory(self) -> dict[str, Any]:
+        """Get what the next line is planned from, as plain numbers (NaN where nothing is known)."""
+        last, before = self._echo_ps
+        return {
+            "echo_ps": last.tolist(),
+            "echo_before_ps": before.tolist(),
+            "response_mv": self._response_mv.tolist(),
+            "reference_ps": list(self._reference),
+        }
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Plan on from a `memory`; None stands for NaN."""
+        echo, before, response = (
+            np.array(memory[name], dtype=np.float64) for name in ("echo_ps", "echo_before_ps", "response_mv")
+        )
+        self._echo_ps, self._response_mv = [echo, before], response
+        place_ps, margin_ps = memory["reference_ps"]
+        self._reference = float(place_ps), float(margin_ps)
+
+    def _calibrated_reference(self) -> tuple[float, float]:
+        """Return where the calibration has the reference, and by how much that may be wrong."""
+        if self.calibration.reference_ps is None:
+            raise BadInput("windows need a calibration with reference_ps, the place of the reference on the trace")
+        earliest, latest = self.calibration.reference_ps
+        return (earliest + latest) / 2, (latest - earliest) / 2 + REFERENCE_MARGIN_PS
+
+    def _expectation(self) -> tuple[FloatArray, FloatArray]:
+        """Return where each echo is expected (ps, NaN: unknown) and by how much that may be wrong."""
+        last, before = self._echo_ps
+        step = np.where(np.isfinite(last - before), last - before, 0.0)
+        padded = np.pad(last, 1, constant_values=np.nan)
+        around = np.stack([np.abs(padded[:-2] - last), np.abs(padded[2:] - last), np.abs(step)])
+        spread = np.max(np.where(np.isfinite(around), around, 0.0), axis=0)
+        # A place whose own column had no echo is expected between its neighbours, if these agree.
+        between = (padded[:-2] + padded[2:]) / 2
+        apart = np.abs(padded[:-2] - padded[2:])
+        expected = np.where(np.isfinite(last), last + step, between)
+        margin = np.where(np.isfinite(last), spread, apart) + MARGINS_PS[0]
+        return np.where(margin <= MARGINS_PS[-1], expected, np.nan), margin
+
+    def _place(
+        self, expected_ps: float, margin_ps: float, response_mv: float, reference_place: tuple[float, float]
+    ) -> Place:
+        reference_ps, reference_margin_ps = reference_place
+        wide = not np.isfinite(expected_ps)
+        if wide:
+            zero, scale = self.calibration.range_zero_mm, RANGE_PER_INTERVAL_MM_PER_PS
+            nearest = reference_ps + (self.settings.nearest_mm - zero) / scale
+            farthest = reference_ps + (self.settings.farthest_mm - zero) / scale
+            expected_ps, margin_ps = (nearest + farthest) / 2, (farthest - nearest) / 2
+        else:
+            margin_ps = next(m for m in MARGINS_PS if m >= margin_ps)
+        response = self.settings.first_response_mv if np.isnan(response_mv) else response_mv
+        # Planned for a little less, in steps of a tenth: then only few forms of windows occur.
+        rung = float(1.1 ** np.floor(np.log(max(response, LEAST_RESPONSE_MV)) / np.log(1.1)))
+        reference, echo = self._choose(reference_margin_ps, margin_ps, rung)
+        return Place(_at(reference, reference_ps), _at(echo, expected_ps), wide)
+
+    def _cheapest(self, reference_margin_ps: float, margin_ps: float, response_mv: float) -> tuple[Window, Window]:
+        return cheapest_windows(
+            self.settings,
+            self.calibration,
+            reference_margin_ps=reference_margin_ps,
+            margin_ps=margin_ps,
+            response_mv=response_mv,
+            sharing=self.columns,
+        )
+
+
+def _at(window: Window, expected_ps: float) -> Window:
+    """Put a window to where its pulse is expected, on the device's grid of 0.1 ps."""
+    return Window(round(expected_ps + window.start_ps, 1), window.step_ps, window.samples, window.sweeps)
+
+
+def _median(values: FloatArray) -> float:
+    """Return the median of what is there, NaN of nothing."""
+    there = values[np.isfinite(values)]
+    return float(np.median(there)) if there.size else float("nan")
+
+
+def _filled(values: FloatArray, least: float) -> FloatArray:
+    """Fill what is missing with the median of the rest, but not with less than usual: where only the rim of the target
+    has been seen yet, its weak echoes would make the search of everything else many times as long."""
+    return np.where(np.isfinite(values), values, np.fmax(_median(values), least))

@@ -1,0 +1,1 @@
+"""Settings of a bench: tables with units and ranges, profiles to start from."""

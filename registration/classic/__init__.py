@@ -1,0 +1,1 @@
+"""Methods of the literature: the dissertation's, ICP and its acceleration, robust criteria, baselines."""

@@ -1,0 +1,85 @@
+"""What a scanner can see of a model: a beam ends on the side of a bone that faces the scanner, never behind it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from picoradar.registration._types import BoolArray, FloatArray
+from picoradar.registration.errors import MeshError
+from picoradar.registration.model.surface import Surface, part
+
+GRAZING_COSINE = 0.02
+"""Faces seen flatter than this return no echo."""
+
+
+def directions_in_cone(axis: FloatArray, half_angle_deg: float, rings: int = 2, spokes: int = 6) -> FloatArray:
+    """Unit vectors (K, 3) that fill a cone about the unit vector `axis`: its axis, then `rings` rings of `spokes`."""
+    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    u = np.cross(axis, helper)
+    u /= np.linalg.norm(u)
+    v = np.cross(axis, u)
+    out = [axis]
+    for ring in range(1, rings + 1):
+        tilt = np.radians(half_angle_deg) * ring / rings
+        azimuth = 2.0 * np.pi * np.arange(spokes) / spokes
+        around = np.cos(azimuth)[:, None] * u + np.sin(azimuth)[:, None] * v
+        out.extend(np.cos(tilt) * axis + np.sin(tilt) * around)
+    return np.array(out)
+
+
+def visible_faces(surface: Surface, to_scanner: FloatArray, whole: Surface) -> BoolArray:
+    """Faces (F,) that can be seen from at least one of the directions `to_scanner` (K, 3), scanner far away.
+
+    A face is seen when it faces the direction and the ray from its centre that way meets nothing of `whole`.
+    """
+    centres = surface.vertices[surface.faces].mean(axis=1) + 1e-3 * surface.face_normals
+    seen = np.zeros(len(surface.faces), dtype=np.bool_)
+    for direction in to_scanner:
+        ask = np.flatnonzero(~seen & (surface.face_normals @ direction > GRAZING_COSINE))
+        if len(ask) == 0:
+            continue
+        distance = whole.first_hit(centres[ask], np.broadcast_to(direction, (len(ask), 3)))
+        seen[ask[np.isinf(distance)]] = True
+    return seen
+
+
+def visible_shell(
+    surface: Surface, to_scanner: FloatArray, half_angle_deg: float = 25.0, only: Surface | None = None
+) -> Surface:
+    """Return the part of a surface that a scanner within `half_angle_deg` of `to_scanner` (3,) can see.
+
+    Parameters
+    ----------
+    surface : Surface
+        All that can stand in the way.
+    to_scanner : (3,) array
+        Direction from the surface to the scanner.
+    half_angle_deg : float
+    only : Surface, optional
+        Part of `surface` that is asked for.
+
+    Raises
+    ------
+    MeshError
+        If nothing can be seen from there.
+    """
+    axis = to_scanner / np.linalg.norm(to_scanner)
+    asked = only or surface
+    seen = visible_faces(asked, directions_in_cone(axis, half_angle_deg), surface)
+    if not seen.any():
+        raise MeshError(
+            "no face of the model faces the scanner: check the scanner's origin and whether the model is inside out"
+        )
+    return part(asked, seen)
+
+
+def visible_centroids(surface: Surface, to_scanner: FloatArray, faces: int = 4000) -> FloatArray:
+    """Centroids (K, 3) mm of what is seen from the directions `to_scanner` (K, 3), each face by its projected area.
+
+    What stands in front of what is not asked: good enough to place a scan of a whole object.
+    """
+    stride = max(1, len(surface.faces) // faces)
+    centres = surface.vertices[surface.faces[::stride]].mean(axis=1)
+    seen = np.maximum(to_scanner @ surface.face_normals[::stride].T, 0.0) * surface.face_areas[::stride]
+    seen += 1e-12 * surface.face_areas[::stride]
+    return np.asarray(seen @ centres / seen.sum(axis=1, keepdims=True), dtype=np.float64)

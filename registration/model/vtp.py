@@ -1,0 +1,127 @@
+"""Reading VTK XML polygonal data (``.vtp``): ASCII, inline base64 and appended data, plain or zlib-compressed.
+
+Source: VTK file formats, section "XML file formats" (PolyData; header type, compressor, appended data).
+"""
+
+from __future__ import annotations
+
+import base64
+import xml.etree.ElementTree as ElementTree
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from picoradar.registration._types import FloatArray, IntArray
+from picoradar.registration.errors import MeshError
+
+_DTYPES = {
+    "Float32": "f4", "Float64": "f8", "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2",
+    "Int32": "i4", "UInt32": "u4", "Int64": "i8", "UInt64": "u8",
+}  # fmt: skip
+
+
+class _Decoder:
+    """Decodes the data arrays of one file."""
+
+    def __init__(self, root: ElementTree.Element, appended: bytes) -> None:
+        self.order = "<" if root.get("byte_order", "LittleEndian") == "LittleEndian" else ">"
+        self.header = np.dtype(self.order + _DTYPES[root.get("header_type", "UInt32")])
+        self.compressed = "ZLib" in root.get("compressor", "")
+        if root.get("compressor") and not self.compressed:
+            raise MeshError(f"compressor {root.get('compressor')} is not supported: save with zlib or uncompressed")
+        self.appended = appended
+        block = root.find("AppendedData")
+        self.appended_base64 = block is not None and block.get("encoding") == "base64"
+
+    def array(self, element: ElementTree.Element) -> npt.NDArray[Any]:
+        dtype = np.dtype(self.order + _DTYPES[element.get("type", "Float32")])
+        form = element.get("format", "ascii")
+        if form == "ascii":
+            return np.array((element.text or "").split(), dtype=dtype)
+        if form == "binary":
+            raw = self._from_base64("".join((element.text or "").split()).encode("ascii"))
+        elif self.appended_base64:
+            raw = self._from_base64(self.appended[int(element.get("offset", "0")) :])
+        else:
+            raw = self._blocks(self.appended[int(element.get("offset", "0")) :])
+        return np.frombuffer(raw, dtype=dtype)
+
+    def _from_base64(self, text: bytes) -> bytes:
+        """Header and data are encoded apart, so the header's length says where the data starts."""
+        if not self.compressed:
+            return self._blocks(_decoded(text, self.header.itemsize + self._first(text)))
+        count = self._first(text)
+        head = self.header.itemsize * (3 + count)
+        head_text = 4 * ((head + 2) // 3)
+        head_bytes = _decoded(text, head)
+        sizes = np.frombuffer(head_bytes, dtype=self.header)[3:]
+        return self._blocks(head_bytes + _decoded(text[head_text:], int(sizes.sum())))
+
+    def _first(self, text: bytes) -> int:
+        return int(np.frombuffer(_decoded(text, self.header.itemsize), dtype=self.header)[0])
+
+    def _blocks(self, data: bytes) -> bytes:
+        """Strip the header and undo the compression."""
+        width = self.header.itemsize
+        first = int(np.frombuffer(data[:width], dtype=self.header)[0])
+        if not self.compressed:
+            return data[width : width + first]
+        sizes = np.frombuffer(data[3 * width : (3 + first) * width], dtype=self.header)
+        at, parts = (3 + first) * width, []
+        for size in sizes:
+            parts.append(zlib.decompress(data[at : at + int(size)]))
+            at += int(size)
+        return b"".join(parts)
+
+
+def _decoded(text: bytes, count: int) -> bytes:
+    return base64.b64decode(text[: 4 * ((count + 2) // 3)])[:count]
+
+
+def read_vtp(file: Path) -> tuple[FloatArray, IntArray]:
+    """Read vertices (V, 3) and triangles (F, 3); polygons are fanned into triangles.
+
+    Raises
+    ------
+    MeshError
+        If the file is damaged or is no polygonal data.
+    """
+    content = file.read_bytes()
+    xml, appended = _split_appended(content)
+    try:
+        root = ElementTree.fromstring(xml)
+        decoder = _Decoder(root, appended)
+        piece = root.find("PolyData/Piece")
+        points = None if piece is None else piece.find("Points/DataArray")
+        polys = None if piece is None else piece.find("Polys")
+        if points is None or polys is None:
+            raise MeshError("holds no PolyData piece with Points and Polys")
+        arrays = {element.get("Name"): decoder.array(element) for element in polys.findall("DataArray")}
+        vertices = decoder.array(points).astype(np.float64).reshape(-1, 3)
+        faces = _triangles(arrays["connectivity"].astype(np.int64), arrays["offsets"].astype(np.int64))
+    except (ElementTree.ParseError, KeyError, ValueError, IndexError, zlib.error) as error:
+        raise MeshError(f"{file}: cannot be read as VTK polygonal data ({error}); export it again") from error
+    return vertices, faces
+
+
+def _split_appended(content: bytes) -> tuple[bytes, bytes]:
+    """Part the XML from the raw appended data, which is no valid XML."""
+    start = content.find(b"<AppendedData")
+    if start < 0:
+        return content, b""
+    underscore = content.index(b"_", content.index(b">", start))
+    end = content.rfind(b"</AppendedData>")
+    return content[: content.index(b">", start) + 1] + content[end:], content[underscore + 1 : end]
+
+
+def _triangles(connectivity: IntArray, offsets: IntArray) -> IntArray:
+    starts = np.concatenate([[0], offsets[:-1]])
+    counts = offsets - starts
+    fans = [
+        np.stack([connectivity[starts], connectivity[starts + k], connectivity[starts + k + 1]], axis=1)[counts > k + 1]
+        for k in range(1, max(2, int(counts.max()) - 1) if len(counts) else 1)
+    ]
+    return np.concatenate(fans) if fans else np.zeros((0, 3), dtype=np.int64)

@@ -1,0 +1,1 @@
+"""From a volume to surface points of the bone."""

@@ -1,0 +1,126 @@
+"""The front door: :func:`register`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from picoradar.registration.classic.dissertation import DissertationSettings, solve_as_dissertation
+from picoradar.registration.errors import RegistrationError, StartError
+from picoradar.registration.model.prepared import Model
+from picoradar.registration.refine.exclusion import excluded_regions
+from picoradar.registration.robust.brightness import without_dark_points
+from picoradar.registration.robust.schedule import register_robust
+from picoradar.registration.scan.points import checked_scan
+from picoradar.registration.scan.response import weighted_by_response
+from picoradar.registration.search.cone import Cone
+from picoradar.registration.search.start import Start, checked_start
+from picoradar.registration.trust.assess import Asked, assess, named_targets
+from picoradar.registration.trust.result import Registration
+from picoradar.registration.trust.verdict import Tolerance
+
+LEAST_NOISE_MM, MOST_NOISE_MM = 1e-3, 100.0
+"""Range noise that can be given."""
+
+
+def register(
+    points: npt.ArrayLike,
+    model: Model,
+    *,
+    start: Start = "any",
+    origin: npt.ArrayLike = (0.0, 0.0, 0.0),
+    covariance: npt.ArrayLike | None = None,
+    response_mv: npt.ArrayLike | None = None,
+    grid: npt.ArrayLike | None = None,
+    method: Literal["robust", "dissertation"] = "robust",
+    targets: npt.ArrayLike | Sequence[dict[str, Any]] | None = None,
+    noise_mm: float | None = None,
+    range_bias_mm: float = 0.1,
+    exclude: Sequence[Mapping[str, Any]] | None = None,
+    tolerance: Tolerance | None = None,
+    settings: DissertationSettings | None = None,
+) -> Registration:
+    """Register measured points to a model.
+
+    Parameters
+    ----------
+    points : (N, 3) array
+        Scanner frame, mm, N at least 6.
+    model : Model
+        From :func:`registration.prepare_model` or :func:`registration.load_model`.
+    start : "any", Cone or dict, (4, 4) array, Landmarks or list of dicts
+        Where to start: anywhere; anywhere that the scanner looks from within a cone of directions
+        ``{"towards": [x, y, z], "half_angle_deg": a}`` (from the model to the scanner, model frame, any roll); from a
+        pose `model_from_scanner`; or from landmark pairs ``{"scanner": [x, y, z], "model": [x, y, z], "name": ...}``.
+    origin : (3,) array
+        Where the beams came from, scanner frame, mm.
+    covariance : (N, 3, 3) array, optional
+        Of the points, mm^2.
+    response_mv : (N,) array, optional
+        Amplitude of each echo at the photodiode. Points darker than bone take no part at the end, and without
+        `covariance` weak echoes count for less.
+    grid : (N, 2) array of int, optional
+        Raster row and column of each point.
+    method : {"robust", "dissertation"}
+        "dissertation" is the ICP of S 3.3 with outlier elimination and minima suppression; it needs a start.
+    targets : (M, 3) array or list of dicts, optional
+        Points of the model frame where the error matters, mm; dicts hold "position" and "name".
+    noise_mm : float, optional
+        Range noise of a point, 0.001 to 100 mm; estimated from the residuals when not given.
+    range_bias_mm : float
+        Common range error to budget for at the targets.
+    exclude : list of dicts, optional
+        Regions of the model that take no part: ``{"center": [x, y, z], "radius_mm": r}``, model frame.
+    tolerance : Tolerance, optional
+        Limits of the verdict, 1 deg and 1 mm when not given.
+    settings : DissertationSettings, optional
+        Parameters of ``method="dissertation"``.
+
+    Returns
+    -------
+    Registration
+
+    Raises
+    ------
+    RegistrationError
+        One of its family (points, start, degenerate geometry), saying what was found and what to do.
+    """
+    scan = checked_scan(points, origin=origin, covariance=covariance, response_mv=response_mv, grid=grid)
+    if noise_mm is not None and not LEAST_NOISE_MM <= noise_mm <= MOST_NOISE_MM:
+        raise RegistrationError(
+            f"noise_mm is {noise_mm}: give a number from {LEAST_NOISE_MM:g} to {MOST_NOISE_MM:g} mm, or leave it out"
+        )
+    check_targets(targets)
+    if scan.covariance is None and scan.response_mv is not None:
+        scan = weighted_by_response(scan, noise_mm)
+    regions = excluded_regions(exclude)
+    begin = checked_start(start)
+    if method == "robust":
+        solution = register_robust(scan, model, begin, noise_mm, regions)
+        solution = without_dark_points(scan, model, solution, regions)
+    elif method == "dissertation":
+        if begin is None or isinstance(begin, Cone):
+            raise StartError("method 'dissertation' needs a start: landmarks or a 4x4 pose; method 'robust' does not")
+        if len(regions) > 0:
+            raise RegistrationError("method 'dissertation' knows no excluded regions: cut the points, or take 'robust'")
+        solution = solve_as_dissertation(scan, model, begin, noise_mm, settings)
+    else:
+        raise RegistrationError(f"method is {method!r}: give 'robust' or 'dissertation'")
+    asked = Asked(targets=targets, tolerance=tolerance or Tolerance(), range_bias_mm=range_bias_mm)
+    return assess(scan, solution, asked, list(model.report.findings))
+
+
+def check_targets(targets: npt.ArrayLike | Sequence[dict[str, Any]] | None) -> None:
+    """Refuse targets that cannot be used, before a registration takes its time.
+
+    Raises
+    ------
+    RegistrationError
+        If targets are neither finite (M, 3) nor dicts with a finite "position".
+    """
+    for name, position in named_targets(targets, np.zeros(3)):
+        if not np.isfinite(position).all():
+            raise RegistrationError(f"{name} is at {position.tolist()}: give finite numbers, model frame, mm")

@@ -1,0 +1,58 @@
+"""Distinct minima of a search, and how lists of them are joined."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from picoradar.registration._types import FloatArray
+from picoradar.registration.model.views import View
+from picoradar.registration.se3 import rotation_angle_deg, transform
+
+SURE_HITS = 3
+"""A minimum that so many finishers of one race reach, or that wins two races, is sure; so is one that is clear."""
+
+SAME_DEG, SAME_MM = 2.0, 1.0
+"""Poses nearer than this are one minimum."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A distinct minimum.
+
+    Attributes
+    ----------
+    model_from_scanner : (4, 4) array
+    log_likelihood : float
+        Mean a point; the larger the better.
+    hits : int
+        Finishers that ended here.
+    view : View
+        That it was found in.
+    """
+
+    model_from_scanner: FloatArray
+    log_likelihood: float
+    hits: int
+    view: View
+
+
+def merged(one: list[Candidate], other: list[Candidate], at: FloatArray, bonus: int = SURE_HITS) -> list[Candidate]:
+    """Join lists of minima, best first; a minimum found again keeps its better pose and gains `bonus` hits."""
+    out: list[Candidate] = []
+    for candidate in sorted([*one, *other], key=lambda c: -c.log_likelihood):
+        for index, better in enumerate(out):
+            turn, shift = difference(better.model_from_scanner, candidate.model_from_scanner, at)
+            if turn < SAME_DEG and shift < SAME_MM:
+                out[index] = replace(better, hits=better.hits + candidate.hits + bonus)
+                break
+        else:
+            out.append(candidate)
+    return out
+
+
+def difference(one: FloatArray, other: FloatArray, at: FloatArray) -> tuple[float, float]:
+    """Rotation in degrees between two poses, and the shift in mm of the scanner-frame point `at`."""
+    shift = transform(one, at[None])[0] - transform(other, at[None])[0]
+    return rotation_angle_deg(one[:3, :3] @ other[:3, :3].T), float(np.linalg.norm(shift))

@@ -1,0 +1,1 @@
+"""How far to trust a pose: covariance, evidence, verdict, and the result that carries them."""

@@ -1,0 +1,1 @@
+"""The sampling bridge's firmware."""

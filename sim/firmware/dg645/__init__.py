@@ -1,0 +1,1 @@
+"""The delay generator's firmware."""

@@ -1,0 +1,1 @@
+"""The drive supply's firmware."""

@@ -1,0 +1,1 @@
+"""The galvo controller's firmware."""

@@ -1,0 +1,1 @@
+"""The temperature controller's firmware and its control loop."""

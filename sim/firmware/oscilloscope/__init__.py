@@ -1,0 +1,1 @@
+"""The oscilloscope's firmware: USBTMC, SCPI, waveforms."""

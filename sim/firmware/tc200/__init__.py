@@ -1,0 +1,1 @@
+"""The TC200's firmware."""

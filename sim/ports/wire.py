@@ -1,0 +1,127 @@
+"""The simulated end of a serial line, in process, on the virtual clock.
+
+A `SerialWire` joins one firmware to one host. Bytes take their time on the line (10 bits a byte at the
+device's baud rate); a host that reads moves the clock to the moment the next byte is due.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from functools import partial
+from typing import Protocol
+
+from picoradar.drivers.clock import VirtualClock
+
+WHOLE = 1 << 20  # bytes, more than any answer has
+
+
+class SerialFirmware(Protocol):
+    """A device behind a serial line.
+
+    The firmware is handed whole chunks in any cut of the stream, answers by calling the ``send`` function that it
+    was connected to, and sets its own timers on the clock.
+    """
+
+    @property
+    def baud(self) -> int:
+        """Get the baud rate that it speaks at now."""
+
+    def connect(self, send: Callable[[bytes, float], None]) -> None:
+        """Take the function to answer with: ``send(data, delay_s)`` puts bytes on the line after a delay."""
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes that have arrived from the host."""
+
+
+class SerialWire:
+    """A serial line between host and firmware, both ways.
+
+    Parameters
+    ----------
+    firmware : SerialFirmware
+        The device; its ``baud`` sets the pace.
+    clock : VirtualClock
+        Time of the bench.
+
+    Attributes
+    ----------
+    piece_bytes : int
+        How many bytes reach the host at a time; an answer that is not longer comes whole, with its last byte.
+    """
+
+    def __init__(self, firmware: SerialFirmware, clock: VirtualClock) -> None:
+        self.piece_bytes = WHOLE
+        self.firmware = firmware
+        self.clock = clock
+        self.plugged = True
+        self.host_open = False
+        self._to_host = bytearray()
+        self._host_line_free = 0.0
+        self._device_line_free = 0.0
+        firmware.connect(self._send)
+
+    def write(self, data: bytes) -> None:
+        """Take bytes from the host; the device has them when the last one has crossed the line."""
+        arrival = max(self.clock.now(), self._host_line_free) + 10 * len(data) / self.firmware.baud
+        self._host_line_free = arrival
+        self.clock.call_at(arrival, partial(self._deliver, data))
+
+    def read(self, size: int, timeout_s: float | None) -> bytes:
+        """Give the host up to ``size`` bytes; waits for them until ``timeout_s`` (None: for ever)."""
+        limit_s = float("inf") if timeout_s is None else timeout_s
+        self.clock.wait(lambda: len(self._to_host) >= size or not self.plugged, limit_s)
+        got = bytes(self._to_host[:size])
+        del self._to_host[: len(got)]
+        return got
+
+    @property
+    def waiting(self) -> int:
+        """Get the number of bytes that the host has received and not read."""
+        return len(self._to_host)
+
+    def discard(self) -> None:
+        """Throw away what the host has received and not read."""
+        self._to_host.clear()
+
+    def _deliver(self, data: bytes) -> None:
+        if self.plugged:
+            self.firmware.receive(data)
+
+    def _send(self, data: bytes, delay_s: float) -> None:
+        arrival = max(self.clock.now() + delay_s, self._device_line_free)
+        for at in range(0, len(data), self.piece_bytes):
+            piece = data[at : at + self.piece_bytes]
+            arrival += 10 * len(piece) / self.firmware.baud
+            self.clock.call_at(arrival, partial(self._arrive, piece))
+        self._device_line_free = arrival
+
+    def _arrive(self, data: bytes) -> None:
+        if self.host_open and self.plugged:
+            self._to_host += data
+
+
+_wires: dict[str, SerialWire] = {}
+_numbers = itertools.count(1)
+
+
+def publish(bench_name: str, device: str, wire: SerialWire) -> str:
+    """Make ``wire`` reachable in this process and return its URL, ``sim://bench/device``."""
+    url = f"sim://{bench_name}/{device}"
+    _wires[url] = wire
+    return url
+
+
+def withdraw(url: str) -> None:
+    """Take a port away, as when a bench is closed."""
+    _wires.pop(url, None)
+
+
+def wire_at(url: str) -> SerialWire | None:
+    """Get the wire behind a ``sim://`` URL; None when there is no such port."""
+    return _wires.get(url)
+
+
+def new_bench_name() -> str:
+    """Make a name that no other bench of this process has."""
+    return f"bench{next(_numbers)}"
