@@ -2,12 +2,15 @@
 
 from setuptools import find_packages, setup
 
-ROOMS = ("drivers", "registration", "sim", "instrument")
+FOLDERS = ("drivers", "registration", "sim", "instrument")
+
+
+def packages_in(folder):
+    """Names, from the repository's root, of a folder and of all packages below it."""
+    return [folder, *(f"{folder}.{package}" for package in find_packages(folder))]
+
 
 setup(
-    packages=[
-        "picoradar",
-        *(f"picoradar.{name}" for room in ROOMS for name in (room, *(f"{room}.{p}" for p in find_packages(room)))),
-    ],
-    package_dir={"picoradar": "picoradar", **{f"picoradar.{room}": room for room in ROOMS}},
+    packages=["picoradar", *(f"picoradar.{package}" for folder in FOLDERS for package in packages_in(folder))],
+    package_dir={"picoradar": "picoradar", **{f"picoradar.{folder}": folder for folder in FOLDERS}},
 )

@@ -23,13 +23,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from picoradar.instrument.calibration.file import Calibration
-from picoradar.instrument.calibration.geometry import codes_to_angles
+from picoradar.instrument.calibration import Calibration, codes_to_angles
 from picoradar.instrument.cli.stages import HIDDEN
-from picoradar.instrument.procedures.geometry.plane_fit import OFFSET_SD_MM, PlaneFit, fit_planes
-from picoradar.instrument.procedures.geometry.plane_poses import DEFAULT_POSES, Pose, plane_of
-from picoradar.instrument.procedures.geometry.planes import PARAMETERS, PlaneScan, normal_of, points
-from picoradar.sim.physics.mirrors import trace
+from picoradar.instrument.procedures.geometry import (
+    DEFAULT_POSES,
+    OFFSET_SD_MM,
+    PARAMETERS,
+    PlaneFit,
+    PlaneScan,
+    Pose,
+    fit_planes,
+    normal_of,
+    plane_of,
+    points,
+)
+from picoradar.sim.physics import trace
 
 FloatArray = NDArray[np.float64]
 

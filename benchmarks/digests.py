@@ -43,7 +43,7 @@ def store_scans(folder: Path) -> None:
     import synthetic_scans as synthetic
 
     from picoradar.registration import load_model
-    from picoradar.sim.physics.targets import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM
+    from picoradar.sim.physics import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM
 
     folder.mkdir(parents=True)
     (folder / "model.stl").write_bytes(Path(HIP_FILE).read_bytes())
@@ -94,8 +94,9 @@ def make_table(checkout: Path, scans: Path, out: Path) -> None:
         folder = Path(temporary)
         for seed in SEEDS:
             found = call(checkout, "demo", "--seed", str(seed), "--out", str(folder / f"demo-{seed}"))
-            keep(f"demo {seed}", {"cloud": digest(folder / f"demo-{seed}" / "cloud.ply"), "flags": found["scan"]["flags"],
-                                  "verdict": found["registration"]["verdict"], "truth_error": found["truth_error"]})  # fmt: skip
+            described = {"flags": found["scan"]["flags"], "verdict": found["registration"]["verdict"]}
+            cloud = folder / f"demo-{seed}" / "cloud.ply"
+            keep(f"demo {seed}", {"cloud": digest(cloud), "truth_error": found["truth_error"], **described})
         for target in WINDOW_TARGETS:
             recording, cloud = folder / f"{target}.db", folder / f"{target}.ply"
             found = call(checkout, "scan", "--mode", "window", "--target", target, "--seed", "21", "-o", str(recording))

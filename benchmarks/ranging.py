@@ -24,9 +24,9 @@ import numpy as np
 from ranging_radar import CALIBRATED_MV, DISTANCE_MM, Bound, FloatArray, calibrate, readings
 from ranging_scans import memory, windows
 
-from picoradar.instrument.calibration.file import METHODS
+from picoradar.instrument.calibration import METHODS
 from picoradar.instrument.ranging import WindowTraces, estimate, estimate_windows
-from picoradar.sim.validation.bench import SWEEPS, TIMES_PS, painted
+from picoradar.sim.validation import SWEEPS, TIMES_PS, painted
 
 HELD_BACK_MV = (15.0, 16.3, 17.9, 19.6, 22.0, 25.0, 27.5, 31.0, 36.0, 42.0, 50.0, 58.0, 64.0)
 AVERAGES, RESPONSES_MV = (1, 4, 8, 16), (15.0, 25.0, 35.0, 45.0, 55.0, 65.0)

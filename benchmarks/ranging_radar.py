@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from picoradar.instrument.calibration.file import METHODS, Calibration
+from picoradar.instrument.calibration import METHODS, Calibration
 from picoradar.instrument.ranging import Pulse, Ranges, estimate, fit_walk, learn, range_bound_mm2
-from picoradar.sim.physics.receiver import TABLE_PS, Receiver
-from picoradar.sim.physics.transmitter import OPERATING_DEGC, OPERATING_V, Transmitter
+from picoradar.sim.physics import OPERATING_DEGC, OPERATING_V, TABLE_PS, Receiver, Transmitter
 from picoradar.sim.settings import SimulationSettings
-from picoradar.sim.validation.bench import SWEEPS, TIMES_PS, Bench, painted
+from picoradar.sim.validation import SWEEPS, TIMES_PS, Bench, painted
 
 FloatArray = NDArray[np.float64]
 

@@ -14,14 +14,13 @@ import numpy as np
 import structlog
 from numpy.typing import NDArray
 
-from picoradar.instrument.acquisition.galvo_path import Stop, lay_path
-from picoradar.instrument.acquisition.window_ranging import places_of
+from picoradar.instrument.acquisition import Stop, lay_path, places_of
 from picoradar.instrument.cli import session
 from picoradar.instrument.cli.simulated import Simulated
-from picoradar.instrument.line.scan_line import SUSPECT, Flag
+from picoradar.instrument.line import SUSPECT, Flag
 from picoradar.instrument.ranging import Place
 from picoradar.instrument.recording import Cloud, Recording
-from picoradar.instrument.settings.tables import Settings
+from picoradar.instrument.settings import Settings
 
 FloatArray = NDArray[np.float64]
 

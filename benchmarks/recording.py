@@ -23,7 +23,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from picoradar.instrument.line.scan_line import ScanLine
+from picoradar.instrument.line import ScanLine
 from picoradar.instrument.recording import Recording
 
 WRITER = Path(__file__).resolve().parents[1] / "tests" / "instrument" / "recording_writer.py"

@@ -21,9 +21,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from picoradar.sim.physics.footprint import bundle
-from picoradar.sim.physics.noise import Noise
-from picoradar.sim.validation.bench import SAMPLES, SWEEPS, Bench
+from picoradar.sim.physics import Noise, bundle
+from picoradar.sim.validation import SAMPLES, SWEEPS, Bench
 
 DISTANCE_MM = 900.0
 SEED = 2004

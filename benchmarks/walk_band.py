@@ -16,12 +16,10 @@ from importlib import resources
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.calibration.file import METHODS, Calibration, Walk
-from picoradar.instrument.procedures.gray_target.procedure import DARKEST, WHITE, wedge
-from picoradar.instrument.ranging import estimate
-from picoradar.instrument.ranging.learning import learn
-from picoradar.instrument.ranging.walk import fit_walk
-from picoradar.sim.validation.bench import SWEEPS, TIMES_PS, Bench, painted
+from picoradar.instrument.calibration import METHODS, Calibration, Walk
+from picoradar.instrument.procedures.gray_target import DARKEST, WHITE, wedge
+from picoradar.instrument.ranging import estimate, fit_walk, learn
+from picoradar.sim.validation import SWEEPS, TIMES_PS, Bench, painted
 
 FloatArray = NDArray[np.float64]
 

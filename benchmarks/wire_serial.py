@@ -11,14 +11,14 @@ from collections.abc import Callable
 
 import picoradar.sim.ports  # noqa: F401  (makes sim:// known to pyserial)
 from picoradar.drivers.clock import VirtualClock
-from picoradar.drivers.dg645.driver import DG645
-from picoradar.drivers.genesys.driver import Genesys
-from picoradar.drivers.links.serial import SerialLink
-from picoradar.drivers.mecom.driver import Tec
-from picoradar.sim.firmware.dg645.device import Dg645Firmware
-from picoradar.sim.firmware.genesys.device import GenesysFirmware
-from picoradar.sim.firmware.mecom.device import TecFirmware
-from picoradar.sim.ports.wire import SerialFirmware, SerialWire, publish
+from picoradar.drivers.dg645 import DG645
+from picoradar.drivers.genesys import Genesys
+from picoradar.drivers.links import SerialLink
+from picoradar.drivers.mecom import Tec
+from picoradar.sim.firmware.dg645 import Dg645Firmware
+from picoradar.sim.firmware.genesys import GenesysFirmware
+from picoradar.sim.firmware.mecom import TecFirmware
+from picoradar.sim.ports import SerialFirmware, SerialWire, publish
 from picoradar.sim.wires import InterlockChain, TriggerLine
 
 ROUNDS = 40

@@ -21,9 +21,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from picoradar.drivers.bridge.sbp import Frame, FrameFlag, FrameParser, encode_frame
 from picoradar.drivers.clock import VirtualClock
-from picoradar.drivers.links.usb import UsbLink
-from picoradar.sim.usb import Setup, SimUsbBackend
-from picoradar.sim.usb.descriptors import BULK, Configuration, Device, Endpoint, Interface
+from picoradar.drivers.links import UsbLink
+from picoradar.sim.usb import BULK, Configuration, Device, Endpoint, Interface, Setup, SimUsbBackend
 
 ROUNDS = 7
 BLOCK = 16_384

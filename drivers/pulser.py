@@ -9,11 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from picoradar.drivers.clock import Clock
-from picoradar.drivers.dg645.driver import DG645
-from picoradar.drivers.dg645.wire import Channel, Inhibit, InstrumentStatus, Output, TriggerSource
+from picoradar.drivers.dg645 import DG645, Channel, Inhibit, InstrumentStatus, Output, TriggerSource
 from picoradar.drivers.errors import DeviceError, DeviceFault, LimitError, check_range
-from picoradar.drivers.genesys.driver import Genesys
-from picoradar.drivers.genesys.wire import Fault, Status
+from picoradar.drivers.genesys import Fault, Genesys, Status
 from picoradar.drivers.interfaces import Identity, PulserStatus
 
 PRF_HZ = (20e3, 240e3)

@@ -1,6 +1,6 @@
 """A picosecond pulsed laser radar, and the pose of a bone in a preoperative model.
 
-Four packages, each usable alone: `picoradar.drivers`, `picoradar.registration`, `picoradar.sim`, `picoradar.instrument`.
+Four packages, each usable alone: `drivers`, `registration`, `sim` and `instrument`.
 The names below are what a notebook needs; each is imported when it is asked for.
 """
 

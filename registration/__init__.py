@@ -6,18 +6,15 @@ amplitudes and raster neighbours. Millimetres and radians throughout; poses are 
 
 from __future__ import annotations
 
-from picoradar.registration.classic.dissertation import DissertationSettings
+from picoradar.registration.classic import DissertationSettings
 from picoradar.registration.errors import DegenerateError, MeshError, PointsError, RegistrationError, StartError
-from picoradar.registration.model.files import load_model
-from picoradar.registration.model.prepared import Model, prepare_model
+from picoradar.registration.measures import pose_error, residual_measures
+from picoradar.registration.model import Model, load_model, prepare_model
 from picoradar.registration.paired_points import PairedPoints, paired_points
 from picoradar.registration.register import check_targets, register
-from picoradar.registration.search.cone import Cone
-from picoradar.registration.search.start import Landmarks
-from picoradar.registration.trust.covariance import Target
-from picoradar.registration.trust.measures import pose_error, residual_measures
-from picoradar.registration.trust.result import Registration, Rival
-from picoradar.registration.trust.verdict import Tolerance
+from picoradar.registration.search import Cone, Landmarks
+from picoradar.registration.solution import Rival
+from picoradar.registration.trust import Registration, Target, Tolerance
 
 __all__ = [
     "Cone",

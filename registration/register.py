@@ -8,19 +8,15 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from picoradar.registration.classic.dissertation import DissertationSettings, solve_as_dissertation
+from picoradar.registration.classic import DissertationSettings, solve_as_dissertation
 from picoradar.registration.errors import RegistrationError, StartError
-from picoradar.registration.model.prepared import Model
-from picoradar.registration.refine.exclusion import excluded_regions
-from picoradar.registration.robust.brightness import without_dark_points
-from picoradar.registration.robust.schedule import register_robust
-from picoradar.registration.scan.points import checked_scan
-from picoradar.registration.scan.response import weighted_by_response
-from picoradar.registration.search.cone import Cone
-from picoradar.registration.search.start import Start, checked_start
-from picoradar.registration.trust.assess import Asked, assess, named_targets
-from picoradar.registration.trust.result import Registration
-from picoradar.registration.trust.verdict import Tolerance
+from picoradar.registration.model import Model
+from picoradar.registration.refine import excluded_regions
+from picoradar.registration.robust import register_robust, without_dark_points
+from picoradar.registration.scan import checked_scan, weighted_by_response
+from picoradar.registration.search import Cone, Start, checked_start
+from picoradar.registration.trust import Asked, Registration, Tolerance, named_targets
+from picoradar.registration.trust.assess import assess
 
 LEAST_NOISE_MM, MOST_NOISE_MM = 1e-3, 100.0
 """Range noise that can be given."""

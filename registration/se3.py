@@ -108,3 +108,11 @@ def checked_pose(matrix: npt.ArrayLike) -> FloatArray:
     if np.linalg.det(rotation) < 0:
         raise StartError("the start pose mirrors (determinant -1): give a rigid 4x4 pose, model_from_scanner")
     return orthonormalised(given)
+
+
+def frame_about(axis: FloatArray) -> FloatArray:
+    """A rotation matrix (3, 3) whose last column is the unit vector `axis`."""
+    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    x = np.cross(helper, axis)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(axis, x), axis], axis=1)

@@ -10,26 +10,30 @@ import numpy as np
 
 from picoradar.drivers.clock import VirtualClock
 from picoradar.sim import ports as _handlers  # makes sim:// known to pyserial  # noqa: F401
-from picoradar.sim.firmware.bridge.device import SamplingBridgeFirmware
-from picoradar.sim.firmware.dg645.device import Dg645Firmware
-from picoradar.sim.firmware.genesys.device import GenesysFirmware
-from picoradar.sim.firmware.helios.device import HeliosFirmware
-from picoradar.sim.firmware.mecom.device import TecFirmware
-from picoradar.sim.firmware.oscilloscope.device import OscilloscopeFirmware
+from picoradar.sim.firmware.bridge import SamplingBridgeFirmware
+from picoradar.sim.firmware.dg645 import Dg645Firmware
+from picoradar.sim.firmware.genesys import GenesysFirmware
+from picoradar.sim.firmware.helios import HeliosFirmware
+from picoradar.sim.firmware.mecom import TecFirmware
+from picoradar.sim.firmware.oscilloscope import OscilloscopeFirmware
 from picoradar.sim.operator import clicks, scale_reading
-from picoradar.sim.physics.laser_monitor import LaserMonitor
-from picoradar.sim.physics.mirrors import MirrorPair
-from picoradar.sim.physics.noise import Noise
-from picoradar.sim.physics.optics import Optics
-from picoradar.sim.physics.scene import Scene
-from picoradar.sim.physics.targets import build_scene, landmarks, load_target, place_target
-from picoradar.sim.physics.thermal import DiodeBlock
-from picoradar.sim.ports.wire import SerialFirmware, SerialWire, new_bench_name, publish, withdraw
+from picoradar.sim.physics import (
+    DiodeBlock,
+    LaserMonitor,
+    MirrorPair,
+    Noise,
+    Optics,
+    Scene,
+    build_scene,
+    landmarks,
+    load_target,
+    place_target,
+)
+from picoradar.sim.ports import SerialFirmware, SerialWire, new_bench_name, publish, withdraw
 from picoradar.sim.settings import Pose, SimulationSettings
 from picoradar.sim.taps import HeatPumpTap, MirrorsTap, SerialTap, SignalTap, UsbTap
 from picoradar.sim.truth import BenchTruth
-from picoradar.sim.usb.backend import SimUsbBackend
-from picoradar.sim.usb.firmware import UsbFirmware
+from picoradar.sim.usb import SimUsbBackend, UsbFirmware
 from picoradar.sim.wires import InterlockChain, TriggerLine
 
 TUNED = {3010: 1000.0, 3011: 2.0}  # Kp in % of the current limit per K, Ti in s

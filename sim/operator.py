@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from picoradar.sim.physics.scene import FloatArray
+from picoradar.sim.physics import FloatArray
 
 CLICK_SIGMA_MM = 2.5
 SCALE_SIGMA_MM = 0.02  # centre of the spot in the picture of a camera on a millimetre scale

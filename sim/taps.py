@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from picoradar.drivers.clock import Clock
-from picoradar.sim.ports.wire import SerialFirmware
-from picoradar.sim.usb import errors
-from picoradar.sim.usb.firmware import Setup, UsbFirmware
+from picoradar.sim.ports import SerialFirmware
+from picoradar.sim.usb import Setup, UsbFirmware, errors
 from picoradar.sim.wires import Acquisition, HeatPump, InterlockChain, Mirrors, SignalSource
 
 Pieces = list[tuple[bytes, float]]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.sim.physics.optics import Optics
+from picoradar.sim.physics import Optics
 
 
 class BenchTruth:

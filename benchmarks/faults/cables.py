@@ -17,13 +17,13 @@ import numpy as np
 
 from picoradar.drivers.clock import VirtualClock
 from picoradar.instrument import events
-from picoradar.instrument.acquisition.sweep import RasterScan
-from picoradar.instrument.bench.opening import make_bench
+from picoradar.instrument.acquisition import RasterScan
+from picoradar.instrument.bench import make_bench
 from picoradar.instrument.cli.session import calibration_of
 from picoradar.instrument.controller import Controller
-from picoradar.instrument.line.scan_line import NO_RANGE, SUSPECT, ScanLine
+from picoradar.instrument.line import NO_RANGE, SUSPECT, ScanLine
 from picoradar.instrument.recording import Recording
-from picoradar.instrument.settings.tables import Links, Settings, override
+from picoradar.instrument.settings import Links, Settings, override
 from picoradar.sim import SimulatedBench
 from picoradar.sim.faults import Fault, arm
 

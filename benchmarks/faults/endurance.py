@@ -19,12 +19,12 @@ from pathlib import Path
 
 from picoradar.drivers.clock import VirtualClock
 from picoradar.instrument import events
-from picoradar.instrument.acquisition.sweep import RasterScan
-from picoradar.instrument.bench.opening import make_bench
+from picoradar.instrument.acquisition import RasterScan
+from picoradar.instrument.bench import make_bench
 from picoradar.instrument.cli.session import calibration_of
 from picoradar.instrument.controller import Controller
 from picoradar.instrument.recording import Recording
-from picoradar.instrument.settings.tables import Links, Settings, override
+from picoradar.instrument.settings import Links, Settings, override
 from picoradar.sim import SimulatedBench
 
 MEMORY_MB = 8.0  # growth after the first tenth that still counts as flat

@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.faults.result import Result
 from picoradar.drivers.errors import DeviceError
 from picoradar.instrument.controller import Controller
-from picoradar.instrument.line.scan_line import NO_RANGE, SUSPECT
+from picoradar.instrument.line import NO_RANGE, SUSPECT
 from picoradar.instrument.recording import Recording, RecordingError
 
 if TYPE_CHECKING:

@@ -17,16 +17,14 @@ from benchmarks.faults.result import Result
 from benchmarks.faults.watch import LightMeter, Seen
 from picoradar.drivers.clock import VirtualClock
 from picoradar.drivers.errors import DeviceError
-from picoradar.instrument.acquisition.sweep import RasterScan
-from picoradar.instrument.bench.bench import Bench
-from picoradar.instrument.bench.opening import make_bench
+from picoradar.instrument.acquisition import RasterScan
+from picoradar.instrument.bench import Bench, make_bench
 from picoradar.instrument.cli.session import calibration_of
 from picoradar.instrument.controller import Controller, ScanOutcome
 from picoradar.instrument.errors import PicoradarError
-from picoradar.instrument.line.scan_line import ScanLine
-from picoradar.instrument.recording import Recording
-from picoradar.instrument.recording.errors import from_sqlite
-from picoradar.instrument.settings.tables import Links, Settings, override
+from picoradar.instrument.line import ScanLine
+from picoradar.instrument.recording import Recording, from_sqlite
+from picoradar.instrument.settings import Links, Settings, override
 from picoradar.sim import SimulatedBench
 from picoradar.sim.faults import Fault, arm
 

@@ -24,7 +24,7 @@ import trimesh  # noqa: E402
 from marked import provenance, write_between_marks  # noqa: E402
 
 from picoradar.registration import Model, RegistrationError, load_model, pose_error, prepare_model, register  # noqa: E402
-from picoradar.sim.physics.targets import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM  # noqa: E402
+from picoradar.sim.physics import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM  # noqa: E402
 
 NAME = "benchmarks/registration/bad_inputs.py"
 UP = np.array([0.0, 0.0, 1.0])

@@ -13,7 +13,7 @@ import structlog
 
 from picoradar.instrument.cli import session
 from picoradar.instrument.recording import Cloud, Recording
-from picoradar.instrument.settings.tables import Settings, override
+from picoradar.instrument.settings import Settings, override
 from picoradar.registration.se3 import transform
 
 structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.WARNING))

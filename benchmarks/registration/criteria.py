@@ -26,13 +26,15 @@ import synthetic_scans as synthetic  # noqa: E402
 from marked import provenance, rows_between_marks, write_between_marks  # noqa: E402
 
 from picoradar.registration import DissertationSettings, load_model, pose_error, register  # noqa: E402
-from picoradar.registration.classic.baselines import head_and_hat, lm_icp, plane_icp  # noqa: E402
-from picoradar.registration.classic.dissertation import register_dissertation  # noqa: E402
-from picoradar.registration.classic.losses import LOSSES  # noqa: E402
-from picoradar.registration.model.field import build_fields  # noqa: E402
-from picoradar.registration.model.surface import part  # noqa: E402
-from picoradar.registration.model.visibility import visible_shell  # noqa: E402
-from picoradar.sim.physics.targets import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM  # noqa: E402
+from picoradar.registration.classic import (  # noqa: E402
+    LOSSES,
+    head_and_hat,
+    lm_icp,
+    plane_icp,
+    register_dissertation,
+)
+from picoradar.registration.model import build_fields, part, visible_shell  # noqa: E402
+from picoradar.sim.physics import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM  # noqa: E402
 
 NAME = "benchmarks/registration/criteria.py"
 CENTRE, AXIS = np.array(SOCKET_CENTRE_MM), np.array(SOCKET_AXIS)

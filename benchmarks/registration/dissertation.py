@@ -25,7 +25,7 @@ from through_instrument import Operation  # noqa: E402
 
 from picoradar.registration import Model, load_model, pose_error, prepare_model, register  # noqa: E402
 from picoradar.registration.se3 import transform  # noqa: E402
-from picoradar.sim.physics.targets import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM  # noqa: E402
+from picoradar.sim.physics import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM  # noqa: E402
 
 NAME = "benchmarks/registration/dissertation.py"
 CENTRE, AXIS = np.array(SOCKET_CENTRE_MM), np.array(SOCKET_AXIS)

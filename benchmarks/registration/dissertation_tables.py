@@ -8,9 +8,9 @@ import numpy as np
 from bench_scans import BenchScan
 
 from picoradar.registration import DissertationSettings, Model, Registration, pose_error, register
-from picoradar.registration.classic.dissertation import DissertationResult, register_dissertation
+from picoradar.registration.classic import DissertationResult, register_dissertation
+from picoradar.registration.least_squares import plane_rows
 from picoradar.registration.se3 import inverse, pose, rotation_from_vector, transform
-from picoradar.registration.trust.covariance import plane_rows
 
 TIGHT_MM2 = 1e-18
 """Stop rule where the dissertation states the number of iterations only: they are all run."""

@@ -34,7 +34,7 @@ def peak_mb() -> float:
 def child(file: str) -> None:
     """Register one scan after the model is prepared, twice; print CPU ms, errors and peak memory as JSON."""
     from picoradar.registration import load_model, pose_error, register
-    from picoradar.sim.physics.targets import HIP_FILE, SOCKET_CENTRE_MM
+    from picoradar.sim.physics import HIP_FILE, SOCKET_CENTRE_MM
 
     model = load_model(HIP_FILE)
     data = np.load(file)
@@ -55,7 +55,7 @@ def measured(size: int, folder: Path) -> np.ndarray:
     import synthetic_scans as synthetic
 
     from picoradar.registration import load_model
-    from picoradar.sim.physics.targets import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM
+    from picoradar.sim.physics import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM
 
     model = load_model(HIP_FILE)
     step = np.sqrt(np.pi * synthetic.WINDOW_MM**2 * synthetic.COVERAGE / size)

@@ -28,14 +28,20 @@ from marked import provenance, rows_between_marks, write_between_marks  # noqa: 
 from synthetic_scans import facing_pose  # noqa: E402
 
 from picoradar.registration import Model, pose_error, prepare_model, register  # noqa: E402
+from picoradar.registration.least_squares import plane_rows  # noqa: E402
+from picoradar.registration.measures import PoseError  # noqa: E402
 from picoradar.registration.se3 import inverse, pose, rotation_from_vector, transform  # noqa: E402
-from picoradar.registration.trust.covariance import plane_rows  # noqa: E402
-from picoradar.registration.trust.measures import PoseError  # noqa: E402
 from picoradar.sim import SimulatedBench  # noqa: E402
-from picoradar.sim.physics.materials import BONE_WET  # noqa: E402
-from picoradar.sim.physics.scene import Scene, Target  # noqa: E402
-from picoradar.sim.physics.targets import SOCKET_AXIS, SOCKET_CENTRE_MM, hip  # noqa: E402
-from picoradar.sim.physics.tissue import clutter, dress  # noqa: E402
+from picoradar.sim.physics import (  # noqa: E402
+    BONE_WET,
+    SOCKET_AXIS,
+    SOCKET_CENTRE_MM,
+    Scene,
+    Target,
+    clutter,
+    dress,
+    hip,
+)
 
 NAME = "benchmarks/registration/through_instrument.py"
 TISSUE_SHARE = 1.4

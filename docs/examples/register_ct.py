@@ -14,10 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from picoradar.registration import Model, load_model, pose_error, register
-from picoradar.registration.classic.baselines import lm_icp
-from picoradar.registration.model.field import build_fields
-from picoradar.registration.model.surface import Surface
-from picoradar.registration.preoperative.volume import surface_points
+from picoradar.registration.classic import lm_icp
+from picoradar.registration.model import Surface, build_fields
+from picoradar.registration.preoperative import surface_points
 from picoradar.registration.se3 import inverse, pose, rotation_from_vector, transform
 
 HIP = Path(__file__).parents[2] / "sim" / "data" / "hip_right.stl"

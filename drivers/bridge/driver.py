@@ -1,6 +1,7 @@
 """Sampling bridge: takes records shot by shot, and owns the gate in the laser's trigger line.
 
-The device half; the wire half is in `picoradar.drivers.bridge.sbp`. Source: protocol sheet ``sampling_bridge.md`` (SBP 1.0 and 1.1).
+The device half; the wire half is in `picoradar.drivers.bridge.sbp`.
+Source: protocol sheet ``sampling_bridge.md`` (SBP 1.0 and 1.1).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from picoradar.drivers.bridge.sbp.settings import sweep_configuration, window_co
 from picoradar.drivers.clock import Clock
 from picoradar.drivers.errors import DeviceError, DeviceFault, LimitError, ProtocolError
 from picoradar.drivers.interfaces import Identity, Record, SamplerStatus, SweepSettings, WindowRecord
-from picoradar.drivers.links.usb import UsbLink
+from picoradar.drivers.links import UsbLink
 
 WATCHDOG_MS = 1000
 RETRIES = 2

@@ -12,7 +12,7 @@ from typing import TypeVar
 from picoradar.drivers.bridge.sbp import BadBlock, ErrorCode, ErrorEntry, Gate, Request, Status, StatusFlag
 from picoradar.drivers.errors import DeviceFault, ProtocolError, Stall
 from picoradar.drivers.interfaces import SamplerStatus
-from picoradar.drivers.links.usb import UsbLink
+from picoradar.drivers.links import UsbLink
 
 _Block = TypeVar("_Block")
 _GATES = {Gate.OFF: "off", Gate.ON: "on", Gate.LOCKED: "locked"}

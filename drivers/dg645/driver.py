@@ -23,7 +23,7 @@ from picoradar.drivers.dg645.wire import (
 )
 from picoradar.drivers.errors import DeviceFault, LimitError, ProtocolError, check_range
 from picoradar.drivers.interfaces import Identity
-from picoradar.drivers.links.controls import Control, Reading
+from picoradar.drivers.links import Control, Reading
 from picoradar.drivers.links.retry import retry
 
 BAUD = 9600

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from picoradar.drivers.dg645.session import Dg645Session
 from picoradar.drivers.dg645.wire import Output, format_number
-from picoradar.drivers.links.controls import Control
+from picoradar.drivers.links import Control
 
 
 class OutputPort:

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from picoradar.drivers.dg645.wire import ERRORS, QUEUE_LENGTH, REPLY_END, decode, encode, format_number
 from picoradar.drivers.errors import DeviceFault, ProtocolError
-from picoradar.drivers.links.numerals import read_number
+from picoradar.drivers.links import SerialLink, read_number
 from picoradar.drivers.links.retry import retry
-from picoradar.drivers.links.serial import SerialLink
 
 LONGEST_REPLY = 256
 TRIES = 3

@@ -10,8 +10,7 @@ from picoradar.drivers.errors import DeviceFault, ProtocolError
 from picoradar.drivers.genesys.session import LATE_S, GenesysSession
 from picoradar.drivers.genesys.wire import END, Fault, Filter, Look, Remote, Status, parse_look, parse_rating
 from picoradar.drivers.interfaces import Identity
-from picoradar.drivers.links.controls import Control, Reading
-from picoradar.drivers.links.serial import SerialLink
+from picoradar.drivers.links import Control, Reading, SerialLink
 
 BAUD = 9600
 

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from picoradar.drivers.errors import DeviceFault, ProtocolError, check_range
 from picoradar.drivers.genesys.wire import END, ERRORS, decode, encode, format_number, unsolicited_from
-from picoradar.drivers.links.numerals import read_number
+from picoradar.drivers.links import SerialLink, read_number
 from picoradar.drivers.links.retry import retry
-from picoradar.drivers.links.serial import SerialLink
 
 ANSWER_S = 0.5
 TRIES = 3

@@ -15,7 +15,7 @@ from picoradar.drivers.errors import DeviceError, DeviceFault, LimitError, Proto
 from picoradar.drivers.helios import wire
 from picoradar.drivers.helios.wire import Answer, Command
 from picoradar.drivers.interfaces import Identity
-from picoradar.drivers.links.usb import UsbLink
+from picoradar.drivers.links import UsbLink
 
 WAKE_S = 0.1  # after alternate setting 1, before the first command
 STOP_S = 0.1  # after a stop the device ignores frames for this long

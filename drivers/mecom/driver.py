@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from picoradar.drivers.errors import DeviceFault, ProtocolError, Timeout, check_range
 from picoradar.drivers.interfaces import Identity, TemperatureStatus
-from picoradar.drivers.links.controls import Control, Reading
-from picoradar.drivers.links.serial import SerialLink
+from picoradar.drivers.links import Control, Reading, SerialLink
 from picoradar.drivers.mecom.parameters import PARAMETERS, DeviceStatus, OutputEnable, OutputStageInput, Stability
 from picoradar.drivers.mecom.session import MeCom
 from picoradar.drivers.mecom.wire import ERRORS

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from picoradar.drivers.errors import DeviceFault, ProtocolError, Timeout, check_range
+from picoradar.drivers.links import SerialLink
 from picoradar.drivers.links.retry import retry
-from picoradar.drivers.links.serial import SerialLink
 from picoradar.drivers.mecom.parameters import PARAMETERS, Kind, Parameter
 from picoradar.drivers.mecom.wire import (
     ALL_ADDRESSES,

@@ -15,9 +15,7 @@ import numpy as np
 from picoradar.drivers.clock import Clock
 from picoradar.drivers.errors import DeviceError, DeviceFault, LimitError, ProtocolError, Timeout, check_range
 from picoradar.drivers.interfaces import Identity, Record, Sampler, SamplerStatus, SweepSettings
-from picoradar.drivers.links.usb import UsbLink
-from picoradar.drivers.links.usbtmc import Usbtmc
-from picoradar.drivers.links.usbtmc_wire import INTERFACE_CLASS
+from picoradar.drivers.links import INTERFACE_CLASS, UsbLink, Usbtmc
 from picoradar.drivers.oscilloscope.record import waveform_record
 from picoradar.drivers.oscilloscope.waveform import BadWaveform, Preamble, decode_block, decode_words
 

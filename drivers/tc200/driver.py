@@ -11,9 +11,8 @@ from typing import TypeVar
 
 from picoradar.drivers.errors import DeviceFault, ProtocolError, check_range
 from picoradar.drivers.interfaces import Identity, TemperatureStatus
-from picoradar.drivers.links.numerals import read_number
+from picoradar.drivers.links import SerialLink, read_number
 from picoradar.drivers.links.retry import retry
-from picoradar.drivers.links.serial import SerialLink
 from picoradar.drivers.tc200.wire import (
     PROMPT,
     Mode,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from enum import Enum, IntEnum, IntFlag
 
-from picoradar.drivers.links.numerals import read_number
+from picoradar.drivers.links import read_number
 
 END = b"\r"
 PROMPT = b"> "

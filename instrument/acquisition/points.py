@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.calibration.file import Calibration
-from picoradar.instrument.calibration.geometry import covariance_from, points_from, true_angles
-from picoradar.instrument.line.scan_line import ScanLine
-from picoradar.instrument.line.windows import LineWindows
+from picoradar.instrument.calibration import Calibration, covariance_from, points_from, true_angles
+from picoradar.instrument.line import LineWindows, ScanLine
 from picoradar.instrument.ranging import Ranges
 
 

@@ -14,8 +14,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.calibration.file import ScannerErrors
-from picoradar.instrument.calibration.geometry import angles_and_range, angles_to_codes, asked_angles, codes_to_angles
+from picoradar.instrument.calibration import (
+    ScannerErrors,
+    angles_and_range,
+    angles_to_codes,
+    asked_angles,
+    codes_to_angles,
+)
 from picoradar.instrument.errors import BadInput
 
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from picoradar.instrument.acquisition.points import to_scan_line
 from picoradar.instrument.acquisition.window_ranging import CodeScale, range_line
-from picoradar.instrument.calibration.file import Calibration, Method
+from picoradar.instrument.calibration import Calibration, Method
 from picoradar.instrument.errors import BadInput
-from picoradar.instrument.line.scan_line import Flag, ScanLine
+from picoradar.instrument.line import Flag, ScanLine
 from picoradar.instrument.ranging import Ranges, estimate, mark_footprint
 from picoradar.instrument.recording import Recording
 

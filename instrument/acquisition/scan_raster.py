@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from picoradar.instrument.acquisition.raster import Raster
-from picoradar.instrument.calibration.file import Calibration
+from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.errors import BadInput
-from picoradar.instrument.settings.tables import Settings
+from picoradar.instrument.settings import Settings
 
 BYTES_PER_SAMPLE = 64  # of a line in memory: codes, the trace in mV and what ranging needs beside it
 MOST_LINE_BYTES = 1_000_000_000

@@ -14,11 +14,11 @@ from picoradar.drivers.interfaces import Galvo, Identity, Record, Sampler, Sweep
 from picoradar.instrument.acquisition.motion import MotionWatch
 from picoradar.instrument.acquisition.points import to_scan_line
 from picoradar.instrument.acquisition.scan_raster import raster_of
-from picoradar.instrument.calibration.file import Calibration, Method
+from picoradar.instrument.calibration import Calibration, Method
 from picoradar.instrument.controller import Between
-from picoradar.instrument.line.scan_line import Flag, ScanLine
+from picoradar.instrument.line import Flag, ScanLine
 from picoradar.instrument.ranging import Ranges, estimate, mark_footprint
-from picoradar.instrument.settings.tables import Settings
+from picoradar.instrument.settings import Settings
 
 POINT_BYTES = 256  # of a place on the disk, without its trace
 

@@ -20,13 +20,12 @@ from picoradar.instrument.acquisition.galvo_path import Stop, lay_path
 from picoradar.instrument.acquisition.points import to_scan_line
 from picoradar.instrument.acquisition.sweep import POINT_BYTES, RasterScan
 from picoradar.instrument.acquisition.window_ranging import CodeScale, range_line, range_windows
-from picoradar.instrument.calibration.file import Calibration
+from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.controller import Between
 from picoradar.instrument.errors import BadInput
-from picoradar.instrument.line.scan_line import ScanLine
-from picoradar.instrument.line.windows import LineWindows
+from picoradar.instrument.line import LineWindows, ScanLine
 from picoradar.instrument.ranging import Place, PlanSettings, Window, WindowPlanner
-from picoradar.instrument.settings.tables import Settings
+from picoradar.instrument.settings import Settings
 
 IntArray = NDArray[np.int64]
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.calibration.file import Calibration
-from picoradar.instrument.line.windows import LineWindows
+from picoradar.instrument.calibration import Calibration
+from picoradar.instrument.line import LineWindows
 from picoradar.instrument.ranging import Place, Ranges, Window, estimate_places, with_retaken
 
 

@@ -1,1 +1,14 @@
 """The bench as the controller sees it: devices opened by URL, examined, found on their ports."""
+
+from picoradar.instrument.bench.bench import Bench
+from picoradar.instrument.bench.doctor import Finding, examine
+from picoradar.instrument.bench.opening import DeviceMaker, make_bench, named_backend
+
+__all__ = [
+    "Bench",
+    "DeviceMaker",
+    "Finding",
+    "examine",
+    "make_bench",
+    "named_backend",
+]

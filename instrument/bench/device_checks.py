@@ -7,17 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from picoradar.drivers.bridge.driver import SamplingBridge
-from picoradar.drivers.dg645.driver import DG645
-from picoradar.drivers.dg645.wire import InstrumentStatus
+from picoradar.drivers.bridge import SamplingBridge
+from picoradar.drivers.dg645 import DG645, InstrumentStatus
 from picoradar.drivers.errors import LimitError
-from picoradar.drivers.genesys.driver import Genesys
-from picoradar.drivers.genesys.wire import Fault
-from picoradar.drivers.helios.driver import Helios
+from picoradar.drivers.genesys import Fault, Genesys
+from picoradar.drivers.helios import Helios
 from picoradar.drivers.interfaces import Sampler, SweepSettings
-from picoradar.drivers.mecom.driver import Tec
-from picoradar.drivers.oscilloscope.driver import Oscilloscope
-from picoradar.instrument.settings.tables import Settings
+from picoradar.drivers.mecom import Tec
+from picoradar.drivers.oscilloscope import Oscilloscope
+from picoradar.instrument.settings import Settings
 
 SUPPLY_FAULTS = {
     Fault.AC_FAIL: "mains failure: check the mains",

@@ -19,7 +19,7 @@ from picoradar.instrument.bench import device_checks as checks
 from picoradar.instrument.bench.opening import DeviceMaker
 from picoradar.instrument.bench.port_probe import who_answers
 from picoradar.instrument.errors import BadInput
-from picoradar.instrument.settings.tables import Settings
+from picoradar.instrument.settings import Settings
 
 _Device = TypeVar("_Device", bound=Device)
 

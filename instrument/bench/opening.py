@@ -8,22 +8,20 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from picoradar.drivers.bridge.driver import SamplingBridge, bridge_link
+from picoradar.drivers.bridge import SamplingBridge, bridge_link
 from picoradar.drivers.clock import Clock
-from picoradar.drivers.dg645.driver import DG645
+from picoradar.drivers.dg645 import DG645
 from picoradar.drivers.errors import LinkLost
-from picoradar.drivers.genesys.driver import Genesys
-from picoradar.drivers.helios.driver import Helios, helios_link
+from picoradar.drivers.genesys import Genesys
+from picoradar.drivers.helios import Helios, helios_link
 from picoradar.drivers.interfaces import Sampler
-from picoradar.drivers.links.serial import SerialLink
-from picoradar.drivers.links.transcript import Transcript
-from picoradar.drivers.links.usbtmc import Usbtmc
-from picoradar.drivers.mecom.driver import Tec
-from picoradar.drivers.oscilloscope.driver import Oscilloscope, oscilloscope_link
+from picoradar.drivers.links import SerialLink, Transcript, Usbtmc
+from picoradar.drivers.mecom import Tec
+from picoradar.drivers.oscilloscope import Oscilloscope, oscilloscope_link
 from picoradar.drivers.pulser import Pulser
 from picoradar.instrument.bench.bench import Bench
 from picoradar.instrument.errors import BadInput
-from picoradar.instrument.settings.tables import Links
+from picoradar.instrument.settings import Links
 
 BACKENDS = ("picoradar.sim.usb.forward:backend",)
 """USB backends that a settings file may name: it must not run code of its choice. Empty stands for libusb."""

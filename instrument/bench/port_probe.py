@@ -14,7 +14,7 @@ from picoradar.drivers.clock import Clock
 from picoradar.drivers.dg645 import wire as dg645_wire
 from picoradar.drivers.errors import DeviceError
 from picoradar.drivers.genesys import wire as genesys_wire
-from picoradar.drivers.links.serial import SerialLink
+from picoradar.drivers.links import SerialLink
 from picoradar.drivers.mecom import wire as mecom_wire
 
 QUIET_S = 0.3

@@ -1,1 +1,48 @@
 """Calibrations: the file, its parts, its checks, and the scanner's geometry that it describes."""
+
+from picoradar.instrument.calibration.checks import differences, out_of_date
+from picoradar.instrument.calibration.file import (
+    METHODS,
+    Calibration,
+    GeometryUncertainty,
+    Method,
+    ScannerErrors,
+    ShotNoise,
+    Templates,
+    Walk,
+)
+from picoradar.instrument.calibration.geometry import (
+    CENTRE_CODE,
+    angles_and_range,
+    angles_to_codes,
+    asked_angles,
+    codes_to_angles,
+    covariance_from,
+    jacobian,
+    points_from,
+    true_angles,
+)
+from picoradar.instrument.calibration.parts import PEAK_ROOM_PS
+
+__all__ = [
+    "CENTRE_CODE",
+    "METHODS",
+    "PEAK_ROOM_PS",
+    "Calibration",
+    "GeometryUncertainty",
+    "Method",
+    "ScannerErrors",
+    "ShotNoise",
+    "Templates",
+    "Walk",
+    "angles_and_range",
+    "angles_to_codes",
+    "asked_angles",
+    "codes_to_angles",
+    "covariance_from",
+    "differences",
+    "jacobian",
+    "out_of_date",
+    "points_from",
+    "true_angles",
+]

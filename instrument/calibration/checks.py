@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from picoradar.instrument.calibration.file import METHODS, Calibration, Method
 from picoradar.instrument.calibration.geometry import points_from, true_angles
-from picoradar.instrument.settings.tables import Settings
+from picoradar.instrument.settings import Settings
 
 LARGEST_AGE = datetime.timedelta(days=180)
 LARGEST_CHANGE_K = 0.5  # of the diode; timing and pulse shape follow its temperature

@@ -15,7 +15,7 @@ from picoradar.instrument.cli.commands.register import describe
 from picoradar.instrument.cli.simulated import Simulated, checked_simulation
 from picoradar.instrument.recording import Recording
 from picoradar.instrument.report import write_report
-from picoradar.instrument.settings.tables import Settings, to_toml
+from picoradar.instrument.settings import Settings, to_toml
 from picoradar.registration import Registration, pose_error, prepare_model, register
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from picoradar.drivers.interfaces import Record, SweepSettings
-from picoradar.drivers.links.usbtmc import Usbtmc
-from picoradar.drivers.oscilloscope.driver import Oscilloscope, oscilloscope_link
-from picoradar.instrument.bench.opening import named_backend
+from picoradar.drivers.links import Usbtmc
+from picoradar.drivers.oscilloscope import Oscilloscope, oscilloscope_link
+from picoradar.instrument.bench import named_backend
 from picoradar.instrument.cli.person import Person, Wait
 from picoradar.instrument.cli.session import Session
 from picoradar.instrument.errors import BadInput

@@ -11,7 +11,7 @@ import typer
 from picoradar.instrument.errors import BadInput
 
 if TYPE_CHECKING:
-    from picoradar.instrument.settings.tables import Settings
+    from picoradar.instrument.settings import Settings
 
 FARTHEST = 1e5  # mm or degrees; nothing on the bench is farther away
 
@@ -58,11 +58,7 @@ def scan_settings(
     BadInput
         Naming file or option, value and what is allowed.
     """
-    from picoradar.instrument.settings.tables import (  # here, because they make --help slow
-        Settings,
-        load_settings,
-        override,
-    )
+    from picoradar.instrument.settings import Settings, load_settings, override  # here, because they make --help slow
 
     settings = Settings() if settings_file is None else load_settings(settings_file)
     rows, columns = parse_grid(grid) if grid is not None else (None, None)

@@ -21,7 +21,7 @@ EXIT_INTERRUPTED = 130
 
 def print_json(result: Mapping[str, Any]) -> None:
     """Print one JSON object, and nothing else, on stdout; numbers that could not be had become null."""
-    from picoradar.instrument.recording.header import plain
+    from picoradar.instrument.recording import plain
 
     sys.stdout.write(json.dumps(plain(result), allow_nan=False) + "\n")
     sys.stdout.flush()

@@ -16,18 +16,17 @@ import numpy as np
 
 from picoradar.drivers.clock import ScaledClock
 from picoradar.drivers.interfaces import Identity, TemperatureStatus
-from picoradar.drivers.links.transcript import Transcript
-from picoradar.instrument.acquisition.sweep import RasterScan, raster_of
-from picoradar.instrument.acquisition.window import WindowScan, can_window
-from picoradar.instrument.bench.opening import make_bench
-from picoradar.instrument.calibration.file import Calibration
+from picoradar.drivers.links import Transcript
+from picoradar.instrument.acquisition import RasterScan, WindowScan, can_window, raster_of
+from picoradar.instrument.bench import make_bench
+from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.cli import output
 from picoradar.instrument.cli.simulated import Simulated
 from picoradar.instrument.controller import Controller, ScanOutcome
 from picoradar.instrument.errors import BadInput, Interrupted
-from picoradar.instrument.line.scan_line import Flag, ScanLine
+from picoradar.instrument.line import Flag, ScanLine
 from picoradar.instrument.recording import Recording
-from picoradar.instrument.settings.tables import Settings
+from picoradar.instrument.settings import Settings
 
 
 @dataclass

@@ -11,9 +11,9 @@ from pydantic import BaseModel, ValidationError
 
 from picoradar.drivers.clock import VirtualClock
 from picoradar.instrument.errors import BadInput
-from picoradar.instrument.line.scan_line import Flag
+from picoradar.instrument.line import Flag
 from picoradar.instrument.recording import Cloud
-from picoradar.instrument.settings.tables import Links, Settings, describe_errors
+from picoradar.instrument.settings import Links, Settings, describe_errors
 
 NO_SINGLE_ECHO = Flag.MIXED | Flag.CLIPPED | Flag.OVERLAPPED | Flag.MOTION
 

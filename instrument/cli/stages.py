@@ -7,8 +7,8 @@ import numpy as np
 from picoradar.instrument.cli.person import Person
 from picoradar.instrument.cli.simulated import Simulated
 from picoradar.instrument.errors import BadInput
-from picoradar.instrument.procedures.station.stage import Placing
-from picoradar.instrument.settings.tables import Settings, override
+from picoradar.instrument.procedures.station import Placing
+from picoradar.instrument.settings import Settings, override
 
 READING_ROOM_MM = 100.0  # between the distance asked for and the one read: more is a slip of the pen
 SCALE_HALF_MM = 500.0

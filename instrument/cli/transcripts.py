@@ -12,7 +12,7 @@ import typer
 from picoradar.instrument.errors import BadInput
 
 if TYPE_CHECKING:
-    from picoradar.drivers.links.transcript import Transcript
+    from picoradar.drivers.links import Transcript
 
 TranscriptFile = Annotated[
     Path | None,
@@ -32,7 +32,7 @@ def transcript_to(path: Path | None) -> Iterator[Transcript | None]:
     if path is None:
         yield None
         return
-    from picoradar.drivers.links.transcript import Transcript
+    from picoradar.drivers.links import Transcript
 
     try:
         transcript = Transcript(path)

@@ -2,16 +2,19 @@
 
 from picoradar.instrument.controller.controller import Controller
 from picoradar.instrument.controller.job import Between, LineStore, ScanJob, ScanOutcome, Sink
+from picoradar.instrument.controller.laser_class import EDITION, PulseTrain, classify
 from picoradar.instrument.controller.requests import Request
 from picoradar.instrument.controller.safety import SafeState, make_safe
 from picoradar.instrument.controller.states import STATES, TRANSITIONS, State, allowed_verbs, diagram
 
 __all__ = [
+    "EDITION",
     "STATES",
     "TRANSITIONS",
     "Between",
     "Controller",
     "LineStore",
+    "PulseTrain",
     "Request",
     "SafeState",
     "ScanJob",
@@ -19,6 +22,7 @@ __all__ = [
     "Sink",
     "State",
     "allowed_verbs",
+    "classify",
     "diagram",
     "make_safe",
 ]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 
 from picoradar.drivers.errors import DeviceError
 from picoradar.drivers.interfaces import Identity, TemperatureStatus
-from picoradar.instrument.bench.bench import Bench
+from picoradar.instrument.bench import Bench
 from picoradar.instrument.controller.exposure import refuse_above_class_1
 from picoradar.instrument.controller.interlocks import interlocks
 from picoradar.instrument.controller.job import LineStore, ScanJob, ScanOutcome, Sink
@@ -20,7 +20,7 @@ from picoradar.instrument.controller.station import Station
 from picoradar.instrument.controller.supervision import Supervisor
 from picoradar.instrument.errors import InterlockTripped, Interrupted, NotAllowed
 from picoradar.instrument.events import logger
-from picoradar.instrument.settings.tables import Settings
+from picoradar.instrument.settings import Settings
 
 WARM_POLL_S = 1.0
 REST_POLL_S = 0.1

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from picoradar.instrument.controller.laser_class import EDITION, LaserClass, PulseTrain, classify
 from picoradar.instrument.errors import InterlockTripped
-from picoradar.instrument.settings.tables import PulserSettings
+from picoradar.instrument.settings import PulserSettings
 
 WAVELENGTH_NM = 904.0
 PULSE_WIDTH_S = 45e-12

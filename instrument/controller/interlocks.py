@@ -9,7 +9,7 @@ from typing import Literal
 
 from picoradar.drivers.interfaces import PulserStatus, SamplerStatus, TemperatureStatus
 from picoradar.instrument.controller.exposure import Exposure
-from picoradar.instrument.settings.tables import Settings
+from picoradar.instrument.settings import Settings
 
 Action = Literal["suspend", "abort", "off"]
 INFINITE = math.inf

@@ -12,7 +12,7 @@ import numpy as np
 
 from picoradar.drivers.interfaces import Galvo, Sampler
 from picoradar.instrument.controller.safety import SafeState
-from picoradar.instrument.line.scan_line import Flag, ScanLine
+from picoradar.instrument.line import Flag, ScanLine
 
 Sink = Callable[[ScanLine], None]
 Between = Callable[[], None]

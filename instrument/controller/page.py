@@ -12,7 +12,7 @@ from pathlib import Path
 from picoradar.instrument.controller.exposure import exposure_of
 from picoradar.instrument.controller.interlocks import interlock_table
 from picoradar.instrument.controller.states import diagram, state_table
-from picoradar.instrument.settings.tables import Settings
+from picoradar.instrument.settings import Settings
 
 
 def parts() -> dict[str, str]:

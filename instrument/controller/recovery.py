@@ -7,10 +7,10 @@ from typing import Any
 
 from picoradar.drivers.errors import DeviceError, LinkLost, ProtocolError, Timeout
 from picoradar.drivers.interfaces import Identity
-from picoradar.instrument.bench.bench import Bench
+from picoradar.instrument.bench import Bench
 from picoradar.instrument.controller.job import ScanJob
 from picoradar.instrument.errors import InterlockTripped
-from picoradar.instrument.settings.tables import Settings
+from picoradar.instrument.settings import Settings
 
 LINK_ERRORS = (LinkLost, Timeout, ProtocolError)
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 5.0

@@ -10,7 +10,7 @@ from picoradar.instrument.controller.requests import EndScan
 from picoradar.instrument.controller.safety import make_safe
 from picoradar.instrument.controller.station import Station, reach_working_point
 from picoradar.instrument.errors import InterlockTripped
-from picoradar.instrument.line.scan_line import ScanLine
+from picoradar.instrument.line import ScanLine
 
 PAUSE_POLL_S = 0.1
 SUSPEND_LIMIT_S = 600.0

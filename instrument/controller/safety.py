@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from picoradar.instrument.bench.bench import Bench
+from picoradar.instrument.bench import Bench
 
 VERIFIED = "verified"
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from picoradar.drivers.interfaces import Identity
-from picoradar.instrument.bench.bench import Bench
+from picoradar.instrument.bench import Bench
 from picoradar.instrument.controller.machine import StateMachine
 from picoradar.instrument.controller.requests import Requests
 from picoradar.instrument.controller.supervision import Supervisor
-from picoradar.instrument.settings.tables import Settings
+from picoradar.instrument.settings import Settings
 
 POLL_S = 0.2
 SETTLED_FOR_S = 2.0  # the heat of the light takes a moment to show at the diode's sensor

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from picoradar.drivers.clock import Timer
 from picoradar.drivers.errors import DeviceError
-from picoradar.instrument.bench.bench import Bench
+from picoradar.instrument.bench import Bench
 from picoradar.instrument.controller.interlocks import Interlock, Readings
 from picoradar.instrument.controller.panel import Panel
 

@@ -46,7 +46,7 @@ class ScanLine:
     columns : (N,) int array
         Raster column of each entry.
     angles_rad : (N, 2) float array
-        Optical angles of the two mirrors that the beam was sent to (about x, about y of `picoradar.instrument.calibration.geometry`).
+        Optical angles of the two mirrors that the beam was sent to (about x, about y of `calibration.geometry`).
     points_mm : (N, 3) float array
         Points in the scanner frame; NaN where there is no range.
     covariance_mm2 : (N, 3, 3) float array

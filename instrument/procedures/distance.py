@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.calibration.file import Calibration, Method
-from picoradar.instrument.line.scan_line import Flag
+from picoradar.instrument.calibration import Calibration, Method
+from picoradar.instrument.line import Flag
 from picoradar.instrument.procedures.station.findings import lost_readings, refused
 from picoradar.instrument.procedures.station.outcome import Outcome, Plot, Readings
 from picoradar.instrument.procedures.station.records import Records, traces_of

@@ -13,8 +13,7 @@ from picoradar.instrument.procedures.station.outcome import Outcome, Plot, Readi
 from picoradar.instrument.procedures.station.records import traces_of
 from picoradar.instrument.procedures.station.stage import Placing
 from picoradar.instrument.procedures.station.station import Station
-from picoradar.instrument.ranging import estimate
-from picoradar.instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS
+from picoradar.instrument.ranging import RANGE_PER_INTERVAL_MM_PER_PS, estimate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -16,7 +16,7 @@ from picoradar.instrument.procedures.station.findings import refused
 from picoradar.instrument.procedures.station.light import SWEEP, Light, LightJob, NoStore
 from picoradar.instrument.procedures.station.outcome import Outcome, Plot, Readings
 from picoradar.instrument.procedures.station.station import Station
-from picoradar.instrument.settings.tables import override
+from picoradar.instrument.settings import override
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

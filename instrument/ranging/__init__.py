@@ -9,7 +9,7 @@ from picoradar.instrument.ranging.bound import Pulse, range_bound_mm2
 from picoradar.instrument.ranging.estimate import estimate
 from picoradar.instrument.ranging.footprint import mark_footprint
 from picoradar.instrument.ranging.learning import learn
-from picoradar.instrument.ranging.ranges import SPEED_OF_LIGHT_MM_PER_PS, Ranges
+from picoradar.instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, SPEED_OF_LIGHT_MM_PER_PS, Ranges
 from picoradar.instrument.ranging.settings import RangingSettings
 from picoradar.instrument.ranging.walk import fit_walk
 from picoradar.instrument.ranging.windows.choice import PlanSettings
@@ -19,6 +19,7 @@ from picoradar.instrument.ranging.windows.plan import WindowPlanner
 from picoradar.instrument.ranging.windows.traces import WindowTraces
 
 __all__ = [
+    "RANGE_PER_INTERVAL_MM_PER_PS",
     "SPEED_OF_LIGHT_MM_PER_PS",
     "Place",
     "PlanSettings",

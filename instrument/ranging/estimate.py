@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from picoradar.instrument.calibration.file import METHODS, Calibration, Method, ShotNoise
+from picoradar.instrument.calibration import METHODS, Calibration, Method, ShotNoise
 from picoradar.instrument.errors import BadInput
-from picoradar.instrument.line.scan_line import NO_RANGE, Flag
+from picoradar.instrument.line import NO_RANGE, Flag
 from picoradar.instrument.ranging.half_maximum import Edges, half_maximum, join
 from picoradar.instrument.ranging.pair import mark, to_ranges
 from picoradar.instrument.ranging.pulses import CoarseTraces, Pulses, coarse_traces, next_pulse

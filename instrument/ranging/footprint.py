@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.line.scan_line import Flag
+from picoradar.instrument.line import Flag
 from picoradar.instrument.ranging.ranges import Ranges
 
 FloatArray = NDArray[np.float64]

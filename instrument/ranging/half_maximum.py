@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.calibration.file import ShotNoise
+from picoradar.instrument.calibration import ShotNoise
 from picoradar.instrument.ranging.pair import PulsePair
 from picoradar.instrument.ranging.pulses import CoarseTraces, Pulses
 

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import nnls
 from scipy.signal import savgol_filter
 
-from picoradar.instrument.calibration.file import ShotNoise, Templates
+from picoradar.instrument.calibration import ShotNoise, Templates
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.ranging.half_maximum import Edges, half_maximum
 from picoradar.instrument.ranging.pulses import coarse_traces, next_pulse

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.calibration.file import Calibration, Method
-from picoradar.instrument.line.scan_line import NO_RANGE, Flag
+from picoradar.instrument.calibration import Calibration, Method
+from picoradar.instrument.line import NO_RANGE, Flag
 from picoradar.instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, PerRecord, Ranges
 from picoradar.instrument.ranging.settings import RangingSettings
 

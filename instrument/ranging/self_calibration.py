@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import savgol_coeffs, savgol_filter
 
-from picoradar.instrument.calibration.file import ShotNoise, Templates
-from picoradar.instrument.calibration.parts import PEAK_ROOM_PS
+from picoradar.instrument.calibration import PEAK_ROOM_PS, ShotNoise, Templates
 from picoradar.instrument.ranging.half_maximum import half_maximum
 from picoradar.instrument.ranging.learning import FROM_PS, PLACES, TO_PS, fit_noise, smoothing_window
 from picoradar.instrument.ranging.pulses import coarse_traces, next_pulse

@@ -16,7 +16,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from picoradar.instrument.calibration.file import ShotNoise
+from picoradar.instrument.calibration import ShotNoise
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.calibration.file import Calibration, ShotNoise, Templates
+from picoradar.instrument.calibration import Calibration, ShotNoise, Templates
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.ranging.half_maximum import Edges
 from picoradar.instrument.ranging.pair import PulsePair

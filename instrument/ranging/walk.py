@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
-from picoradar.instrument.calibration.file import Walk
+from picoradar.instrument.calibration import Walk
 from picoradar.instrument.errors import BadInput
 
 FloatArray = NDArray[np.float64]

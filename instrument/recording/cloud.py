@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.line.scan_line import NO_RANGE, ScanLine
+from picoradar.instrument.line import NO_RANGE, ScanLine
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.line.scan_line import ScanLine
+from picoradar.instrument.line import ScanLine
 from picoradar.instrument.recording import rows
 from picoradar.instrument.recording.cloud import Cloud, cloud_of
 from picoradar.instrument.recording.errors import RecordingError, from_sqlite

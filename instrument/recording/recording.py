@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Self
 
-from picoradar.instrument.line.scan_line import ScanLine
+from picoradar.instrument.line import ScanLine
 from picoradar.instrument.recording import rows
 from picoradar.instrument.recording.database import checkpoint_if_long, create_database, open_database, to_one_file
 from picoradar.instrument.recording.errors import RecordingError, from_sqlite, primary_code
@@ -249,3 +249,14 @@ class Recording(Reader):
             self._writing = False
             self._why_not = f" any more: {failure.what}"
         return failure
+
+
+def open_recording(path: str | os.PathLike[str]) -> Recording:
+    """Open a recording for reading, as `Recording.open`: ``open_recording("scan.db").cloud()`` has its points.
+
+    Raises
+    ------
+    RecordingError
+        If there is none, it is not a recording, or its header is damaged.
+    """
+    return Recording.open(path)

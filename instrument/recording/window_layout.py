@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from picoradar.instrument.line.windows import PULSES, LineWindows
+from picoradar.instrument.line import PULSES, LineWindows
 from picoradar.instrument.recording.layout import compressed, decompressed, packed_sums, unpacked_sums
 
 PIECE = np.dtype(

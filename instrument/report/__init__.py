@@ -1,5 +1,11 @@
 """Reports: a folder with one page that shows whether a scan can be used, and its pictures and data."""
 
+from picoradar.instrument.report.page import Banner, Page, Picture
 from picoradar.instrument.report.writing import write_report
 
-__all__ = ["write_report"]
+__all__ = [
+    "Banner",
+    "Page",
+    "Picture",
+    "write_report",
+]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from picoradar.instrument.line.scan_line import Flag
+from picoradar.instrument.line import Flag
 from picoradar.instrument.recording import Cloud, Recording
 from picoradar.instrument.report.page import Banner
 from picoradar.instrument.report.style import LIMITS_MM

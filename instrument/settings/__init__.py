@@ -1,1 +1,25 @@
 """Settings of a bench: tables with units and ranges, profiles to start from."""
+
+from picoradar.instrument.settings.tables import (
+    Links,
+    PulserSettings,
+    ScannerSettings,
+    Settings,
+    describe_errors,
+    load_settings,
+    override,
+    settings_from,
+    to_toml,
+)
+
+__all__ = [
+    "Links",
+    "PulserSettings",
+    "ScannerSettings",
+    "Settings",
+    "describe_errors",
+    "load_settings",
+    "override",
+    "settings_from",
+    "to_toml",
+]

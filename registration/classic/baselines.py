@@ -12,10 +12,9 @@ import numpy as np
 
 from picoradar.registration._types import FloatArray
 from picoradar.registration.classic.losses import Loss
-from picoradar.registration.model.field import DistanceField
-from picoradar.registration.model.surface import Surface
+from picoradar.registration.least_squares import plane_rows
+from picoradar.registration.model import DistanceField, Surface
 from picoradar.registration.se3 import small_motion, transform
-from picoradar.registration.trust.covariance import plane_rows
 
 FIRST_DAMPING, LEAST_DAMPING = 1e-3, 1e-9
 """Of the Levenberg-Marquardt steps, relative to the diagonal of the normal matrix."""

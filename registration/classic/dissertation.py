@@ -7,14 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from picoradar.registration._types import BoolArray, FloatArray
-from picoradar.registration.classic.icp import IcpResult, Iteration, icp
-from picoradar.registration.model.prepared import Model
-from picoradar.registration.model.surface import Surface
-from picoradar.registration.model.visibility import visible_shell
-from picoradar.registration.scan.noise import TYPICAL_RANGE_MM, NoiseModel, estimated_range_noise
-from picoradar.registration.scan.points import Scan
+from picoradar.registration.classic.icp import IcpResult, icp
+from picoradar.registration.measures import Iteration
+from picoradar.registration.model import Model, Surface, visible_shell
+from picoradar.registration.scan import TYPICAL_RANGE_MM, NoiseModel, Scan, estimated_range_noise
 from picoradar.registration.se3 import pose, rotation_from_vector, transform
-from picoradar.registration.trust.assess import Solution
+from picoradar.registration.solution import Solution
 
 
 @dataclass(frozen=True)

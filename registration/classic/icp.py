@@ -13,21 +13,10 @@ import numpy as np
 
 from picoradar.registration._types import FloatArray
 from picoradar.registration.classic.acceleration import Accelerator
-from picoradar.registration.model.surface import Surface
+from picoradar.registration.measures import Iteration, residual_measures
+from picoradar.registration.model import Surface
 from picoradar.registration.paired_points import horn
 from picoradar.registration.se3 import transform
-from picoradar.registration.trust.measures import residual_measures
-
-
-@dataclass(frozen=True)
-class Iteration:
-    """One entry of the convergence history: which stage, and the residuals of the points still in use."""
-
-    stage: str
-    rms_mm: float
-    mean_mm: float
-    max_mm: float
-    points: int
 
 
 @dataclass(frozen=True)

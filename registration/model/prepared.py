@@ -108,7 +108,7 @@ def _kept(view: View, key: str, name: str) -> View:
 def prepare_model(vertices: npt.ArrayLike, faces: npt.ArrayLike, *, name: str = "model") -> Model:
     """Validate a mesh and prepare it for registration.
 
-    The result is kept on disk by content (see :mod:`picoradar.registration.model.cache`), so that the same mesh is ready at once
+    The result is kept on disk by content (see `model.cache`), so that the same mesh is ready at once
     the next time.
 
     Parameters

@@ -13,14 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from picoradar.registration._types import BoolArray, Float32Array, FloatArray, IntArray, Neighbours
-from picoradar.registration.classic.icp import Iteration
-from picoradar.registration.model.surface import Closest, Surface
-from picoradar.registration.scan.noise import NoiseModel, estimated_range_noise
-from picoradar.registration.scan.points import Scan
-from picoradar.registration.scan.tissue import bone_probability, log_likelihood
+from picoradar.registration.least_squares import plane_rows, weighted_squares
+from picoradar.registration.measures import Iteration, residual_measures
+from picoradar.registration.model import Closest, Surface
+from picoradar.registration.scan import NoiseModel, Scan, bone_probability, estimated_range_noise, log_likelihood
 from picoradar.registration.se3 import orthonormalised, small_motion, transform
-from picoradar.registration.trust.covariance import plane_rows, weighted_squares
-from picoradar.registration.trust.measures import residual_measures
 
 STRAY_SIGMA = 3.5
 """Residuals larger than this many sigma have no weight."""

@@ -12,15 +12,15 @@ Brossard, Bonnabel, Barrau, ICRA (2020): a covariance without the dispersion ove
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from picoradar.registration._types import FloatArray
+from picoradar.registration.least_squares import information, plane_rows
 from picoradar.registration.refine.beam_fit import Final
-from picoradar.registration.scan.points import Scan
+from picoradar.registration.scan import Scan
 from picoradar.registration.se3 import inverse, small_motion, transform, vector_from_rotation
-from picoradar.registration.trust.covariance import information, plane_rows
+from picoradar.registration.solution import End
 
 WEAK_DEG = 0.25
 """Standard deviation of the rotation from which on the valley is walked."""
@@ -55,14 +55,6 @@ def walked(final: Final, scan: Scan, finished: Callable[[FloatArray], Final]) ->
         return [final]
     pose = final.model_from_scanner
     return [final, *(finished(small_motion(step * motion, centre) @ pose) for step in STEPS_SD)]
-
-
-@dataclass(frozen=True)
-class End:
-    """Where a walk came to rest: pose (4, 4), and its weight beside the likeliest one's, which is 1."""
-
-    model_from_scanner: FloatArray
-    weight: float
 
 
 def ends_beside(best: Final, ends: list[Final], points: int) -> list[End]:

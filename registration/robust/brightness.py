@@ -12,13 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from picoradar.registration._types import BoolArray, FloatArray
-from picoradar.registration.model.prepared import Model
-from picoradar.registration.refine.beam_fit import exact_finish
-from picoradar.registration.refine.exclusion import outside_regions
+from picoradar.registration.model import Model
+from picoradar.registration.refine import exact_finish, outside_regions
 from picoradar.registration.robust.schedule import register_beside
-from picoradar.registration.scan.points import Scan
+from picoradar.registration.scan import Scan
 from picoradar.registration.se3 import transform
-from picoradar.registration.trust.assess import Solution
+from picoradar.registration.solution import Solution
 
 DARK = 0.75
 """Share of the brightness of bone below which a point is none (soft tissue has about 0.75, blood 0.35)."""

@@ -12,19 +12,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from picoradar.registration._types import FloatArray
-from picoradar.registration.model.prepared import Model
-from picoradar.registration.refine.beam_fit import Final, exact_finish
-from picoradar.registration.refine.exclusion import outside_regions
-from picoradar.registration.refine.weak_modes import ends_beside, walked
-from picoradar.registration.scan.noise import PLAUSIBLE_RANGE_MM, TYPICAL_RANGE_MM, NoiseModel
-from picoradar.registration.scan.points import Scan
-from picoradar.registration.scan.tissue import INDEPENDENT_POINTS, raster_noise
+from picoradar.registration.model import Model
+from picoradar.registration.refine import Final, ends_beside, exact_finish, outside_regions, walked
+from picoradar.registration.scan import (
+    INDEPENDENT_POINTS,
+    NoiseModel,
+    Scan,
+    initial_noise,
+)
 from picoradar.registration.se3 import transform
-from picoradar.registration.search.cone import ANYWHERE, Cone
-from picoradar.registration.search.global_search import Search
-from picoradar.registration.search.minima import SAME_DEG, SAME_MM, Candidate, difference
-from picoradar.registration.trust.assess import Solution
-from picoradar.registration.trust.result import Rival
+from picoradar.registration.search import ANYWHERE, SAME_DEG, SAME_MM, Candidate, Cone, Search, difference
+from picoradar.registration.solution import Rival, Solution
 
 FINISHED, WITHIN = 3, 60.0
 """So many candidates are finished, if their log likelihoods are within this of the best; the likeliest is taken."""
@@ -135,19 +133,3 @@ def rivals_of(best: FloatArray, ends: list[tuple[FloatArray, float]], middle: Fl
             known.append(found)
             rivals.append(Rival(found, -log_likelihood, *apart[0]))
     return rivals[:MAX_RIVALS]
-
-
-def initial_noise(scan: Scan, noise_mm: float | None) -> float:
-    """Noise along the beam in mm to search with: as given, else that of the points themselves or of the raster.
-
-    What the points tell is kept within `PLAUSIBLE_RANGE_MM`; the finish weighs each by its own noise, however small.
-    """
-    if noise_mm is not None:
-        return noise_mm
-    if scan.range_sd_mm is not None:
-        return float(np.clip(np.median(scan.range_sd_mm), *PLAUSIBLE_RANGE_MM))
-    if scan.covariance is not None:
-        along = np.einsum("ni,nij,nj->n", scan.beams, scan.covariance, scan.beams)
-        return float(np.clip(np.sqrt(max(0.0, float(np.median(along)))), *PLAUSIBLE_RANGE_MM))
-    found = raster_noise(scan)
-    return float(np.clip(0.65 * found, 0.1, 2.0)) if np.isfinite(found) else TYPICAL_RANGE_MM

@@ -8,6 +8,7 @@ import numpy as np
 
 from picoradar.registration._types import FloatArray
 from picoradar.registration.scan.points import Scan
+from picoradar.registration.scan.tissue import raster_noise
 
 TYPICAL_RANGE_MM = 0.4
 """Range noise of a point averaged over 8 sweeps, assumed until the residuals tell."""
@@ -66,3 +67,19 @@ def estimated_range_noise(along_beam_mm: FloatArray, otherwise_mm: float) -> flo
     if len(along_beam_mm) < MIN_RESIDUALS:
         return otherwise_mm
     return float(np.clip(1.4826 * np.median(np.abs(along_beam_mm)), *PLAUSIBLE_RANGE_MM))
+
+
+def initial_noise(scan: Scan, noise_mm: float | None) -> float:
+    """Noise along the beam in mm to search with: as given, else that of the points themselves or of the raster.
+
+    What the points tell is kept within `PLAUSIBLE_RANGE_MM`; the finish weighs each by its own noise, however small.
+    """
+    if noise_mm is not None:
+        return noise_mm
+    if scan.range_sd_mm is not None:
+        return float(np.clip(np.median(scan.range_sd_mm), *PLAUSIBLE_RANGE_MM))
+    if scan.covariance is not None:
+        along = np.einsum("ni,nij,nj->n", scan.beams, scan.covariance, scan.beams)
+        return float(np.clip(np.sqrt(max(0.0, float(np.median(along)))), *PLAUSIBLE_RANGE_MM))
+    found = raster_noise(scan)
+    return float(np.clip(0.65 * found, 0.1, 2.0)) if np.isfinite(found) else TYPICAL_RANGE_MM

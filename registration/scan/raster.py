@@ -11,7 +11,7 @@ import numpy as np
 
 from picoradar.registration._types import FloatArray, IntArray, Neighbours
 from picoradar.registration.errors import PointsError
-from picoradar.registration.search.rotations import frame_about
+from picoradar.registration.se3 import frame_about
 
 ANCHORS = 7
 """Points whose surroundings show the steps of a raster."""

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from picoradar.registration._types import FloatArray
-from picoradar.registration.robust.schedule import initial_noise
+from picoradar.registration.scan.noise import initial_noise
 from picoradar.registration.scan.points import Scan
 
 LARGEST_RATIO = 4.0

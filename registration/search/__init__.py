@@ -1,1 +1,19 @@
-"""The global search: where starts come from, how they are thinned out by successive halving, and which minima remain."""
+"""The global search: where starts come from, successive halving that thins them out, and the minima that remain."""
+
+from picoradar.registration.search.cone import ANYWHERE, Cone
+from picoradar.registration.search.global_search import Search
+from picoradar.registration.search.minima import SAME_DEG, SAME_MM, Candidate, difference
+from picoradar.registration.search.start import Landmarks, Start, checked_start
+
+__all__ = [
+    "ANYWHERE",
+    "SAME_DEG",
+    "SAME_MM",
+    "Candidate",
+    "Cone",
+    "Landmarks",
+    "Search",
+    "Start",
+    "checked_start",
+    "difference",
+]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from picoradar.registration._types import Float32Array, FloatArray, IntArray
-from picoradar.registration.model.field import DistanceField
+from picoradar.registration.model import DistanceField
 from picoradar.registration.se3 import rotation_from_vector
 
 BLOCK = 16_000

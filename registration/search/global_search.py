@@ -9,11 +9,16 @@ import numpy as np
 
 from picoradar.registration._types import FloatArray
 from picoradar.registration.errors import StartError
-from picoradar.registration.model.centres import sphere_centres, sphere_support
-from picoradar.registration.model.prepared import Model
-from picoradar.registration.model.views import SHELL_CONE_DEG, Place, View
-from picoradar.registration.model.visibility import visible_centroids
-from picoradar.registration.scan.points import Scan
+from picoradar.registration.model import (
+    SHELL_CONE_DEG,
+    Model,
+    Place,
+    View,
+    sphere_centres,
+    sphere_support,
+    visible_centroids,
+)
+from picoradar.registration.scan import Scan
 from picoradar.registration.se3 import inverse, small_motion, transform
 from picoradar.registration.search.cone import ANYWHERE, Cone, rotations_within
 from picoradar.registration.search.minima import SURE_HITS, Candidate, merged

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from picoradar.registration._types import FloatArray
-from picoradar.registration.model.views import View
+from picoradar.registration.model import View
 from picoradar.registration.se3 import rotation_angle_deg, transform
 
 SURE_HITS = 3

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from picoradar.registration._types import Float32Array, FloatArray, Neighbours
-from picoradar.registration.model.field import DistanceField
-from picoradar.registration.scan.tissue import bone_probability, log_likelihood
+from picoradar.registration.model import DistanceField
+from picoradar.registration.scan import bone_probability, log_likelihood
 from picoradar.registration.search.batch import AWAY, Poses, Sampled, beam_weights, cast, sample, step
 
 INSIDE_MM = 10.0

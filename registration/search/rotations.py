@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from picoradar.registration._types import FloatArray
-from picoradar.registration.se3 import rotation_from_vector
+from picoradar.registration.se3 import frame_about, rotation_from_vector
 
 _PLASTIC = 1.2207440846057596
 """Root of x^4 = x + 1, the base of the three-dimensional R sequence (Roberts 2018)."""
@@ -15,14 +15,6 @@ def low_discrepancy(count: int, first: int = 0) -> FloatArray:
     """Points (count, 3) of the unit cube that fill it evenly, however many are taken; from number `first` on."""
     steps = _PLASTIC ** -np.arange(1.0, 4.0)
     return np.asarray((0.5 + np.outer(np.arange(first + 1, first + count + 1), steps)) % 1.0, dtype=np.float64)
-
-
-def frame_about(axis: FloatArray) -> FloatArray:
-    """A rotation matrix (3, 3) whose last column is the unit vector `axis`."""
-    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    x = np.cross(helper, axis)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(axis, x), axis], axis=1)
 
 
 def rotations_in_cone(

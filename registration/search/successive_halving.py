@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from picoradar.registration._types import Float32Array, FloatArray, IntArray
-from picoradar.registration.model.views import View
+from picoradar.registration.model import View
 from picoradar.registration.search.batch import Poses, descended, scores
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from picoradar.registration._types import FloatArray, IntArray
-from picoradar.registration.model.views import View
-from picoradar.registration.scan.noise import TYPICAL_RANGE_MM
-from picoradar.registration.scan.points import Scan
+from picoradar.registration.model import View
+from picoradar.registration.scan import TYPICAL_RANGE_MM, Scan
 from picoradar.registration.se3 import pose
 from picoradar.registration.search.batch import Poses
 from picoradar.registration.search.minima import Candidate, merged

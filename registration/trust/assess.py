@@ -3,34 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from picoradar.registration._types import BoolArray, FloatArray, Neighbours
-from picoradar.registration.classic.icp import Iteration
+from picoradar.registration._types import FloatArray
 from picoradar.registration.errors import RegistrationError
-from picoradar.registration.model.surface import Closest
-from picoradar.registration.refine.weak_modes import End, dispersion
-from picoradar.registration.scan.noise import NoiseModel
-from picoradar.registration.scan.points import Scan
-from picoradar.registration.scan.tissue import INDEPENDENT_POINTS
+from picoradar.registration.least_squares import information, plane_rows
+from picoradar.registration.measures import residual_measures
+from picoradar.registration.refine import dispersion
+from picoradar.registration.scan import INDEPENDENT_POINTS, Scan
 from picoradar.registration.se3 import transform
+from picoradar.registration.solution import Solution
 from picoradar.registration.trust.covariance import (
     Stiffness,
     Target,
     describe_weakness,
-    information,
     patch_misfit_mm,
-    plane_rows,
     quantile_mm,
     stiffness,
     target_covariance,
 )
-from picoradar.registration.trust.measures import residual_measures
-from picoradar.registration.trust.result import Registration, Rival
+from picoradar.registration.trust.result import Registration
 from picoradar.registration.trust.verdict import Evidence, Tolerance, judge
 
 PLAUSIBLE = 20.0
@@ -41,23 +37,6 @@ PATCH_POINTS = 8
 
 FREE_MM = 1e3
 """A motion whose predicted standard deviation exceeds this is called free."""
-
-
-@dataclass(frozen=True)
-class Solution:
-    """What a method hands over for assessment."""
-
-    model_from_scanner: FloatArray
-    closest: Closest
-    inliers: BoolArray
-    history: list[Iteration]
-    rivals: list[Rival]
-    noise: NoiseModel
-    around: Neighbours
-    cost: float
-    method: str
-    sure: bool = True
-    beside: list[End] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

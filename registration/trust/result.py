@@ -7,29 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from picoradar.registration._types import BoolArray, FloatArray
-from picoradar.registration.classic.icp import Iteration
+from picoradar.registration.measures import Iteration
+from picoradar.registration.solution import Rival
 from picoradar.registration.trust.covariance import Target
 
 Verdict = Literal["pass", "caution", "fail"]
-
-
-@dataclass(frozen=True)
-class Rival:
-    """Another pose that explains the points nearly as well.
-
-    Attributes
-    ----------
-    model_from_scanner : (4, 4) array
-    cost : float
-        Mean robust cost a point, in the units of the solution's own `cost`.
-    rotation_deg, translation_mm : float
-        How far it is from the solution, the shift taken at the centre of the cloud.
-    """
-
-    model_from_scanner: FloatArray
-    cost: float
-    rotation_deg: float
-    translation_mm: float
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from picoradar.registration.solution import Rival
 from picoradar.registration.trust.covariance import Target
-from picoradar.registration.trust.result import Rival, Verdict
+from picoradar.registration.trust.result import Verdict
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,7 @@ from picoradar.sim.faults.fault import USB
 from picoradar.sim.faults.kind import End, Kind, Site
 from picoradar.sim.faults.serial_kinds import flipped
 from picoradar.sim.taps import CONTROL_TIMEOUT_S
-from picoradar.sim.usb import errors
-from picoradar.sim.usb.bus import InTransfer, SimUsbDevice
-from picoradar.sim.usb.firmware import Setup
+from picoradar.sim.usb import InTransfer, Setup, SimUsbDevice, errors
 
 HEADER_BYTES = 52
 

@@ -1,1 +1,61 @@
 """The physics of the radar and of what it looks at, from first principles; shares no formula with the instrument."""
+
+from picoradar.sim.physics.drift import SlowDrift
+from picoradar.sim.physics.footprint import bundle
+from picoradar.sim.physics.laser_monitor import LaserMonitor
+from picoradar.sim.physics.materials import BONE_WET, WHITE
+from picoradar.sim.physics.mirrors import FULL_FIELD_DEG, Beam, MirrorPair, trace
+from picoradar.sim.physics.noise import Noise
+from picoradar.sim.physics.optics import LIGHT_MM_PER_PS, Optics, Truth
+from picoradar.sim.physics.receiver import TABLE_PS, Receiver
+from picoradar.sim.physics.scene import FloatArray, Scene, Target
+from picoradar.sim.physics.targets import (
+    HIP_FILE,
+    SOCKET_AXIS,
+    SOCKET_CENTRE_MM,
+    build_scene,
+    hip,
+    landmarks,
+    load_target,
+    place_target,
+)
+from picoradar.sim.physics.thermal import DiodeBlock
+from picoradar.sim.physics.tissue import FOSSA_MM, clutter, dress
+from picoradar.sim.physics.transmitter import OPERATING_DEGC, OPERATING_V, LaserPulse, Transmitter
+
+__all__ = [
+    "BONE_WET",
+    "FOSSA_MM",
+    "FULL_FIELD_DEG",
+    "HIP_FILE",
+    "LIGHT_MM_PER_PS",
+    "OPERATING_DEGC",
+    "OPERATING_V",
+    "SOCKET_AXIS",
+    "SOCKET_CENTRE_MM",
+    "TABLE_PS",
+    "WHITE",
+    "Beam",
+    "DiodeBlock",
+    "FloatArray",
+    "LaserMonitor",
+    "LaserPulse",
+    "MirrorPair",
+    "Noise",
+    "Optics",
+    "Receiver",
+    "Scene",
+    "SlowDrift",
+    "Target",
+    "Transmitter",
+    "Truth",
+    "build_scene",
+    "bundle",
+    "clutter",
+    "dress",
+    "hip",
+    "landmarks",
+    "load_target",
+    "place_target",
+    "trace",
+]

@@ -2,5 +2,15 @@
 
 import serial
 
+from picoradar.sim.ports.wire import SerialFirmware, SerialWire, new_bench_name, publish, withdraw
+
 if __name__ not in serial.protocol_handler_packages:
     serial.protocol_handler_packages.append(__name__)
+
+__all__ = [
+    "SerialFirmware",
+    "SerialWire",
+    "new_bench_name",
+    "publish",
+    "withdraw",
+]

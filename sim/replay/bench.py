@@ -7,11 +7,11 @@ from types import TracebackType
 from typing import Self
 
 from picoradar.drivers.clock import VirtualClock
-from picoradar.drivers.links.transcript import read_transcript
-from picoradar.sim.ports.wire import SerialWire, new_bench_name, publish, withdraw
+from picoradar.drivers.links import read_transcript
+from picoradar.sim.ports import SerialWire, new_bench_name, publish, withdraw
 from picoradar.sim.replay.serial_device import SerialReplay
 from picoradar.sim.replay.usb_device import UsbReplay
-from picoradar.sim.usb.backend import SimUsbBackend
+from picoradar.sim.usb import SimUsbBackend
 
 
 class ReplayedBench:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from picoradar.drivers.links.transcript import Event
+from picoradar.drivers.links import Event
 
 
 class ReplayMismatch(Exception):

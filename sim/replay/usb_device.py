@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from picoradar.drivers.clock import VirtualClock
-from picoradar.drivers.links.transcript import Event
+from picoradar.drivers.links import Event
 from picoradar.sim.replay.script import Script
-from picoradar.sim.usb.descriptors import HIGH_SPEED, Configuration, Device, Endpoint, Interface
-from picoradar.sim.usb.firmware import Setup, UsbStall
+from picoradar.sim.usb import HIGH_SPEED, Configuration, Device, Endpoint, Interface, Setup, UsbStall
 
 
 class UsbReplay:

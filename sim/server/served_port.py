@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from picoradar.sim.ports.wire import SerialWire
+from picoradar.sim.ports import SerialWire
 from picoradar.sim.server.event_loop import EventLoop
 from picoradar.sim.server.socket_end import SocketEnd
 from picoradar.sim.server.uart import heard

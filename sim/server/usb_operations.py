@@ -6,9 +6,7 @@ from array import array
 from collections.abc import Callable
 from typing import Any
 
-from picoradar.sim.usb import errors
-from picoradar.sim.usb.backend import SimUsbBackend
-from picoradar.sim.usb.frames import LONGEST_DATA
+from picoradar.sim.usb import LONGEST_DATA, SimUsbBackend, errors
 
 NO_WAITING_MS = -1  # a time limit that has passed already: what is there now, or a timeout
 ARGUMENTS = {  # of each operation on a handle

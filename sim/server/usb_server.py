@@ -12,10 +12,7 @@ import usb.core
 
 from picoradar.sim.server.event_loop import EventLoop
 from picoradar.sim.server.usb_operations import Answer, are_arguments, control, read, refused, writer
-from picoradar.sim.usb import errors
-from picoradar.sim.usb.backend import SimUsbBackend
-from picoradar.sim.usb.bus import SimUsbDevice
-from picoradar.sim.usb.frames import BadFrame, send_frame, take_frame
+from picoradar.sim.usb import BadFrame, SimUsbBackend, SimUsbDevice, errors, send_frame, take_frame
 
 LOOPBACK = "127.0.0.1"
 SEND_LIMIT_S = 1.0  # a host that does not take its answer within this time is given up

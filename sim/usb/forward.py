@@ -1,12 +1,12 @@
-"""A pyusb backend for other processes: its bus is a simulated bench that `picoradar.sim.server` serves on this computer.
+"""A pyusb backend for other processes: its bus is a simulated bench that `sim.server` serves on this computer.
 
 ``backend("127.0.0.1:4711")`` gives an object for ``usb.core.find(backend=...)``. Descriptors are fetched once a device,
-every transfer is one question and one answer over TCP (`picoradar.sim.usb.frames`). Time limits count in the bench's time
+every transfer is one question and one answer over TCP (`sim.usb.frames`). Time limits count in the bench's time
 and on the server's side, so a slow computer does not make the bus late.
 
 A question is a JSON object and bytes: ``{"op": "speed"}``, ``{"op": "enumerate"}``, ``{"op": "open", "device": n}``, or
 an operation of pyusb's interface with ``handle`` and ``args`` (a length in place of a buffer): see
-`picoradar.sim.server.usb_server`. An answer is ``{"result": ...}`` and bytes, or ``{"error": text, "code": libusb's number,
+`sim.server.usb_server`. An answer is ``{"result": ...}`` and bytes, or ``{"error": text, "code": libusb's number,
 "errno": the system's}``. A handle lives as long as the connection that opened it.
 """
 

@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
+from picoradar.sim.validation.bench import SAMPLES, SWEEPS, TIMES_PS, Bench, painted
 from picoradar.sim.validation.figures import Check
-from picoradar.sim.validation.run import validate
+from picoradar.sim.validation.run import PARTS, SEED, validate
 
-__all__ = ["Check", "validate"]
+__all__ = [
+    "PARTS",
+    "SAMPLES",
+    "SEED",
+    "SWEEPS",
+    "TIMES_PS",
+    "Bench",
+    "Check",
+    "painted",
+    "validate",
+]

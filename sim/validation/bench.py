@@ -8,12 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from picoradar.drivers.clock import VirtualClock
-from picoradar.sim.physics.mirrors import Beam, MirrorPair, trace
-from picoradar.sim.physics.noise import Noise
-from picoradar.sim.physics.optics import LIGHT_MM_PER_PS, Optics, Truth
-from picoradar.sim.physics.targets import build_scene
-from picoradar.sim.physics.thermal import DiodeBlock
-from picoradar.sim.physics.transmitter import OPERATING_DEGC, OPERATING_V
+from picoradar.sim.physics import (
+    LIGHT_MM_PER_PS,
+    OPERATING_DEGC,
+    OPERATING_V,
+    Beam,
+    DiodeBlock,
+    MirrorPair,
+    Noise,
+    Optics,
+    Truth,
+    build_scene,
+    trace,
+)
 from picoradar.sim.settings import SimulationSettings
 from picoradar.sim.wires import Acquisition, TriggerLine
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from picoradar.sim.physics.materials import WHITE
-from picoradar.sim.physics.transmitter import Transmitter
+from picoradar.sim.physics import WHITE, Transmitter
 from picoradar.sim.validation.bench import (
     REFERENCE_WINDOW_PS,
     STEP_PS,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from picoradar.sim.physics.transmitter import LaserPulse, Transmitter
+from picoradar.sim.physics import LaserPulse, Transmitter
 from picoradar.sim.settings import SimulationSettings
 from picoradar.sim.validation.figures import Check, Part, axes
 

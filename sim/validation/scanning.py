@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from picoradar.drivers.clock import VirtualClock
-from picoradar.sim.physics.drift import SlowDrift
-from picoradar.sim.physics.mirrors import FULL_FIELD_DEG, MirrorPair
-from picoradar.sim.physics.noise import Noise
-from picoradar.sim.physics.optics import LIGHT_MM_PER_PS
+from picoradar.sim.physics import FULL_FIELD_DEG, LIGHT_MM_PER_PS, MirrorPair, Noise, SlowDrift
 from picoradar.sim.settings import SimulationSettings
 from picoradar.sim.validation.figures import Check, Part, axes
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from picoradar.sim.physics.tissue import FOSSA_MM
+from picoradar.sim.physics import FOSSA_MM
 from picoradar.sim.validation.bench import TIMES_PS, Bench, FloatArray
 from picoradar.sim.validation.figures import Check, Part, axes
 

@@ -12,8 +12,8 @@ import pytest
 
 import picoradar.sim.ports  # noqa: F401  (makes sim:// known to pyserial)
 from picoradar.drivers.clock import VirtualClock
-from picoradar.drivers.links.serial import SerialLink
-from picoradar.sim.ports.wire import SerialFirmware, SerialWire, new_bench_name, publish, withdraw
+from picoradar.drivers.links import SerialLink
+from picoradar.sim.ports import SerialFirmware, SerialWire, new_bench_name, publish, withdraw
 
 Exchange = tuple[bytes, bytes]
 

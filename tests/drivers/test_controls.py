@@ -9,16 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from picoradar.drivers.dg645 import DG645
 from picoradar.drivers.dg645 import wire as dg645_wire
-from picoradar.drivers.dg645.driver import DG645
 from picoradar.drivers.dg645.output import OutputPort
 from picoradar.drivers.errors import LimitError, ProtocolError
+from picoradar.drivers.genesys import Genesys
 from picoradar.drivers.genesys import wire as genesys_wire
-from picoradar.drivers.genesys.driver import Genesys
-from picoradar.drivers.links.controls import Control, Reading
-from picoradar.drivers.links.numerals import read_number
-from picoradar.drivers.mecom.driver import Tec
-from picoradar.drivers.mecom.wire import decode, decode_float, decode_int, encode, encode_float, encode_int
+from picoradar.drivers.links import Control, Reading, read_number
+from picoradar.drivers.mecom import Tec, decode, decode_float, decode_int, encode, encode_float, encode_int
 from picoradar.sim.firmware.dg645.delays import DelayTree
 from picoradar.sim.firmware.dg645.settings import number
 

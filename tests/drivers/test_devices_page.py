@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from picoradar.drivers.links.serial import SerialLink
+from picoradar.drivers.links import SerialLink
 
 PAGE = Path(__file__).parents[2] / "docs" / "devices.md"
 NAMESPACE: dict[str, Any] = {"__name__": "devices_page"}

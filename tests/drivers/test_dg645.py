@@ -7,19 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from picoradar.drivers.dg645.driver import DG645
-from picoradar.drivers.dg645.wire import (
-    Channel,
-    Delay,
-    Inhibit,
-    InstrumentStatus,
-    Output,
-    TriggerSource,
-    encode,
-    format_number,
-)
+from picoradar.drivers.dg645 import DG645, Channel, Inhibit, InstrumentStatus, Output, TriggerSource
+from picoradar.drivers.dg645.wire import Delay, encode, format_number
 from picoradar.drivers.errors import DeviceFault, LimitError, ProtocolError, Timeout
-from picoradar.sim.firmware.dg645.device import Dg645Firmware
+from picoradar.sim.firmware.dg645 import Dg645Firmware
 from picoradar.sim.wires import InterlockChain, TriggerLine
 
 IDN = b"Stanford Research Systems,DG645,s/n001013,ver1.02.0A\r\n"

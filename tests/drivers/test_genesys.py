@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from picoradar.drivers.errors import DeviceFault, LimitError, ProtocolError, Timeout
-from picoradar.drivers.genesys.driver import Genesys
-from picoradar.drivers.genesys.wire import Fault, Filter, Remote, Status, checksum, decode, encode, parse_rating
-from picoradar.sim.firmware.genesys.device import GenesysFirmware
+from picoradar.drivers.genesys import Fault, Genesys, Status, parse_rating
+from picoradar.drivers.genesys.wire import Filter, Remote, checksum, decode, encode
+from picoradar.sim.firmware.genesys import GenesysFirmware
 from picoradar.sim.wires import InterlockChain
 
 GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "genesys.toml").read_text())

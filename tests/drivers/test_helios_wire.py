@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picoradar.drivers.helios import wire
-from picoradar.drivers.helios.wire import Command, FrameFlag, GalvoFrame
+from picoradar.drivers.helios import Command, FrameFlag, GalvoFrame, wire
 
 TRACE_FRAME = bytes.fromhex("00 00 00 00 00 00 00 80 01 23 ff 00 00 ff ff fa bc 01 02 03 04 20 4e 03 00 02")
 

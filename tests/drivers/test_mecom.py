@@ -9,11 +9,23 @@ from pathlib import Path
 import pytest
 
 from picoradar.drivers.errors import DeviceFault, LimitError, LinkLost, ProtocolError, Timeout
-from picoradar.drivers.mecom.driver import Tec
-from picoradar.drivers.mecom.parameters import DeviceStatus, Kind, OutputEnable, OutputStageInput, Stability
+from picoradar.drivers.mecom import (
+    DeviceStatus,
+    Kind,
+    OutputEnable,
+    OutputStageInput,
+    Stability,
+    Tec,
+    decode,
+    decode_float,
+    decode_int,
+    encode,
+    encode_float,
+    encode_int,
+)
 from picoradar.drivers.mecom.session import MeCom
-from picoradar.drivers.mecom.wire import crc16, decode, decode_float, decode_int, encode, encode_float, encode_int
-from picoradar.sim.firmware.mecom.device import TecFirmware
+from picoradar.drivers.mecom.wire import crc16
+from picoradar.sim.firmware.mecom import TecFirmware
 from picoradar.sim.ports.wire import wire_at
 
 GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "mecom.toml").read_text())

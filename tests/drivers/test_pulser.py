@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from picoradar.drivers.dg645.driver import DG645
+from picoradar.drivers.dg645 import DG645
 from picoradar.drivers.errors import DeviceFault, LimitError, LinkLost
-from picoradar.drivers.genesys.driver import Genesys
+from picoradar.drivers.genesys import Genesys
 from picoradar.drivers.interfaces import Pulser as PulserInterface
 from picoradar.drivers.pulser import Pulser
-from picoradar.sim.firmware.dg645.device import Dg645Firmware
-from picoradar.sim.firmware.genesys.device import GenesysFirmware
+from picoradar.sim.firmware.dg645 import Dg645Firmware
+from picoradar.sim.firmware.genesys import GenesysFirmware
 from picoradar.sim.ports.wire import wire_at
 from picoradar.sim.wires import InterlockChain, TriggerLine
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from picoradar.drivers.bridge import sbp
-from picoradar.drivers.bridge.sbp.frames import Frame, FrameFlag, FrameParser, encode_frame
+from picoradar.drivers.bridge.sbp import Frame, FrameFlag, FrameParser, encode_frame
 
 _TEXT = (Path(__file__).parents[1] / "golden" / "sampling_bridge.toml").read_text()
 GOLDEN = {name: bytes.fromhex(text) for name, text in tomllib.loads(_TEXT).items()}

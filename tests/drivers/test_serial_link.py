@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 import picoradar.sim.ports  # noqa: F401  (makes sim:// known to pyserial)
 from picoradar.drivers.clock import VirtualClock, WallClock
 from picoradar.drivers.errors import LinkLost, ProtocolError, Timeout
-from picoradar.drivers.links.serial import SerialLink
-from picoradar.sim.ports.wire import SerialWire, new_bench_name, publish, wire_at, withdraw
+from picoradar.drivers.links import SerialLink
+from picoradar.sim.ports import SerialWire, new_bench_name, publish, withdraw
+from picoradar.sim.ports.wire import wire_at
 
 
 class Echo:

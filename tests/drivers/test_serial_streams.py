@@ -14,22 +14,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from picoradar.drivers.clock import VirtualClock
-from picoradar.drivers.dg645.driver import DG645
+from picoradar.drivers.dg645 import DG645
 from picoradar.drivers.errors import DeviceError
-from picoradar.drivers.genesys.driver import Genesys
+from picoradar.drivers.genesys import Genesys
 from picoradar.drivers.genesys.wire import decode as decode_genesys
 from picoradar.drivers.genesys.wire import encode as encode_genesys
-from picoradar.drivers.links.serial import SerialLink
-from picoradar.drivers.mecom.driver import Tec
-from picoradar.drivers.mecom.wire import decode as decode_mecom
-from picoradar.drivers.mecom.wire import encode as encode_mecom
+from picoradar.drivers.links import SerialLink
+from picoradar.drivers.mecom import Tec
+from picoradar.drivers.mecom import decode as decode_mecom
+from picoradar.drivers.mecom import encode as encode_mecom
 from picoradar.drivers.tc200.driver import TC200
-from picoradar.sim.firmware.dg645.device import Dg645Firmware
-from picoradar.sim.firmware.genesys.device import GenesysFirmware
+from picoradar.sim.firmware.dg645 import Dg645Firmware
+from picoradar.sim.firmware.genesys import GenesysFirmware
 from picoradar.sim.firmware.lines import LineReader
-from picoradar.sim.firmware.mecom.device import TecFirmware
+from picoradar.sim.firmware.mecom import TecFirmware
 from picoradar.sim.firmware.tc200.device import Tc200Firmware
-from picoradar.sim.ports.wire import SerialWire, new_bench_name, publish, withdraw
+from picoradar.sim.ports import SerialWire, new_bench_name, publish, withdraw
 from picoradar.sim.wires import InterlockChain, TriggerLine
 
 # Derandomised: a 16-bit check sum lets one random damage in 65536 pass, and a test must not depend on luck.

@@ -10,9 +10,8 @@ import usb.core
 
 from picoradar.drivers.clock import VirtualClock
 from picoradar.drivers.errors import LinkLost, ProtocolError, Stall, Timeout
-from picoradar.drivers.links.usb import UsbLink
-from picoradar.sim.usb import Setup, SimUsbBackend
-from picoradar.sim.usb.descriptors import BULK, Configuration, Device, Endpoint, Interface
+from picoradar.drivers.links import UsbLink
+from picoradar.sim.usb import BULK, Configuration, Device, Endpoint, Interface, Setup, SimUsbBackend
 
 
 class Silent:

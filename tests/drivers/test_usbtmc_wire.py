@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from picoradar.drivers.links import BadHeader
 from picoradar.drivers.links import usbtmc_wire as tmc
-from picoradar.drivers.links.usbtmc_wire import BadHeader
 from picoradar.drivers.oscilloscope import waveform as scpi
 from picoradar.drivers.oscilloscope.record import waveform_record
 from picoradar.drivers.oscilloscope.waveform import BadWaveform

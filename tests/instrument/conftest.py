@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from picoradar.instrument.calibration.file import Calibration
+from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.ranging import SPEED_OF_LIGHT_MM_PER_PS, Pulse, estimate, fit_walk, learn, range_bound_mm2
 
 HALF_LIGHT = SPEED_OF_LIGHT_MM_PER_PS / 2

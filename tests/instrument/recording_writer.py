@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from picoradar.instrument.line.scan_line import ScanLine
-from picoradar.instrument.line.windows import LineWindows
+from picoradar.instrument.line import LineWindows, ScanLine
 from picoradar.instrument.recording import Recording
 
 ROWS, COLUMNS, SAMPLES = 100_000, 40, 300

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picoradar.instrument.calibration.file import Calibration, Walk
+from picoradar.instrument.calibration import Calibration, Walk
 from picoradar.instrument.errors import BadInput
 
 WALK = Walk(response_mv=(15, 20, 25, 45, 65), error_mm=(6.0, 2.5, 1.0, 0.2, 0.0), sd_mm=(0.1, 0.05, 0.02, 0.02, 0.02))

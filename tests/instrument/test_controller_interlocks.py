@@ -14,7 +14,7 @@ from picoradar.instrument.controller.exposure import exposure_of, refuse_above_c
 from picoradar.instrument.controller.interlocks import Interlock, Readings, interlocks
 from picoradar.instrument.controller.panel import Panel
 from picoradar.instrument.errors import InterlockTripped
-from picoradar.instrument.settings.tables import Settings, override
+from picoradar.instrument.settings import Settings, override
 
 
 def diode(degc: float, **changes: Any) -> Readings:

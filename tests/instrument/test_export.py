@@ -14,7 +14,7 @@ import pytest
 
 from picoradar.instrument.files.export import ExportError, export
 from picoradar.instrument.files.points import read_points
-from picoradar.instrument.line.scan_line import Flag, ScanLine
+from picoradar.instrument.line import Flag, ScanLine
 from picoradar.instrument.recording import Recording, RecordingError
 
 HEADER = {

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picoradar.instrument.acquisition.galvo_path import LONGEST_PATH, SENT_PER_S, SPARE_S, Stop, lay_path
+from picoradar.instrument.acquisition import Stop, lay_path
+from picoradar.instrument.acquisition.galvo_path import LONGEST_PATH, SENT_PER_S, SPARE_S
 from picoradar.instrument.errors import BadInput
 
 

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from picoradar.drivers.errors import LimitError
-from picoradar.instrument.calibration.file import ScannerErrors
-from picoradar.instrument.calibration.geometry import (
+from picoradar.instrument.calibration import (
+    ScannerErrors,
     angles_and_range,
     angles_to_codes,
     asked_angles,

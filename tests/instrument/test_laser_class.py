@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picoradar.instrument.controller.laser_class import PulseTrain, c4, c5, classify, mean_power_ael_mw
+from picoradar.instrument.controller import PulseTrain, classify
+from picoradar.instrument.controller.laser_class import c4, c5, mean_power_ael_mw
 
 
 def test_mean_power_limits_at_known_wavelengths() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from picoradar.instrument.acquisition.motion import MotionWatch
-from picoradar.instrument.line.scan_line import Flag
+from picoradar.instrument.line import Flag
 from picoradar.instrument.ranging import Ranges
 
 SD_MM = 0.13

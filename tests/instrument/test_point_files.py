@@ -159,6 +159,13 @@ def test_unknown_ending_and_missing_file(tmp_path: Path) -> None:
         read_points(other)
 
 
+def test_a_line_of_separators_is_refused_with_its_number(tmp_path: Path) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text("x,y,z\n1,2,3\n;;\n")
+    with pytest.raises(PointFileError, match=r"line 3: ';;' has separators and no numbers"):
+        read_points(path)
+
+
 @settings(max_examples=150, deadline=None)
 @given(content=st.binary(max_size=300), suffix=st.sampled_from([".ply", ".csv", ".xyz", ".npz"]), head=st.booleans())
 def test_garbage_is_refused_and_never_a_stack_trace(

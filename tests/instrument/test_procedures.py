@@ -7,15 +7,14 @@ import datetime
 import numpy as np
 import pytest
 
-from picoradar.instrument.calibration.checks import differences, out_of_date
-from picoradar.instrument.calibration.file import Calibration, ScannerErrors, Walk
+from picoradar.instrument.calibration import Calibration, ScannerErrors, Walk, differences, out_of_date
 from picoradar.instrument.procedures import PROCEDURES
 from picoradar.instrument.procedures.drift import allan_deviation, warm_after
 from picoradar.instrument.procedures.prism.body import distances, model_places
 from picoradar.instrument.procedures.station.findings import lost_readings
 from picoradar.instrument.procedures.station.light import Light
 from picoradar.instrument.procedures.transmitter import measured
-from picoradar.instrument.settings.tables import Settings, override
+from picoradar.instrument.settings import Settings, override
 
 DATE = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 CALIBRATION = Calibration(

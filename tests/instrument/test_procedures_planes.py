@@ -9,20 +9,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picoradar.instrument.calibration.file import Calibration
-from picoradar.instrument.calibration.geometry import codes_to_angles
-from picoradar.instrument.procedures.geometry.plane_fit import PlaneFit, fit_planes, stacked
-from picoradar.instrument.procedures.geometry.plane_poses import DEFAULT_POSES, Pose, next_pose, plane_of, synthetic
-from picoradar.instrument.procedures.geometry.plane_words import in_words
-from picoradar.instrument.procedures.geometry.planes import (
+from picoradar.instrument.calibration import Calibration, codes_to_angles
+from picoradar.instrument.procedures.geometry import (
+    DEFAULT_POSES,
     PARAMETERS,
-    PLANE_SIZES,
-    SIZES,
-    FloatArray,
+    PlaneFit,
     PlaneScan,
-    beams,
-    fitted_plane,
+    Pose,
+    fit_planes,
+    plane_of,
 )
+from picoradar.instrument.procedures.geometry.plane_fit import stacked
+from picoradar.instrument.procedures.geometry.plane_poses import next_pose, synthetic
+from picoradar.instrument.procedures.geometry.plane_words import in_words
+from picoradar.instrument.procedures.geometry.planes import PLANE_SIZES, SIZES, FloatArray, beams, fitted_plane
 
 NOISE_MM = 0.05
 BEFORE = Calibration(

@@ -10,9 +10,9 @@ import pytest
 from scipy.special import erf
 
 from picoradar.instrument import ranging
-from picoradar.instrument.calibration.file import Calibration, Walk
+from picoradar.instrument.calibration import Calibration, Walk
 from picoradar.instrument.errors import BadInput
-from picoradar.instrument.line.scan_line import Flag
+from picoradar.instrument.line import Flag
 from picoradar.instrument.ranging import SPEED_OF_LIGHT_MM_PER_PS, RangingSettings
 from picoradar.instrument.ranging.half_maximum import LAST_CROSSING
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picoradar.instrument.calibration.file import Calibration, Method
-from picoradar.instrument.line.scan_line import NO_RANGE, Flag
+from picoradar.instrument.calibration import Calibration, Method
+from picoradar.instrument.line import NO_RANGE, Flag
 from picoradar.instrument.ranging import (
     Place,
     Ranges,

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picoradar.instrument.calibration.file import Calibration
+from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.errors import BadInput
-from picoradar.instrument.line.scan_line import Flag
+from picoradar.instrument.line import Flag
 from picoradar.instrument.ranging import estimate, learn
 
 Receiver = Any  # SyntheticReceiver of conftest.py

@@ -7,8 +7,7 @@ import pytest
 
 from picoradar.drivers.errors import LimitError
 from picoradar.instrument.acquisition.raster import Raster
-from picoradar.instrument.calibration.file import ScannerErrors
-from picoradar.instrument.calibration.geometry import codes_to_angles, true_angles
+from picoradar.instrument.calibration import ScannerErrors, codes_to_angles, true_angles
 from picoradar.instrument.errors import BadInput
 
 

@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from picoradar.instrument.line.scan_line import Flag, ScanLine
+from picoradar.instrument.line import Flag, ScanLine
 from picoradar.instrument.recording import Recording, RecordingError
 from picoradar.instrument.recording.layout import decode_wave, encode_wave
 

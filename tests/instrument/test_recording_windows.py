@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from picoradar.instrument.files.export import export
-from picoradar.instrument.line.scan_line import ScanLine
-from picoradar.instrument.line.windows import LineWindows
+from picoradar.instrument.line import LineWindows, ScanLine
 from picoradar.instrument.recording import Recording, RecordingError
 
 HEADER = {

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picoradar.instrument.line.scan_line import Flag, ScanLine
+from picoradar.instrument.line import Flag, ScanLine
 from picoradar.instrument.recording import Recording
 from picoradar.instrument.report import write_report
 from picoradar.instrument.report.style import classes_of

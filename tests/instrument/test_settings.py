@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from picoradar.instrument.errors import BadInput
-from picoradar.instrument.settings.tables import Settings, load_settings, override, to_toml
+from picoradar.instrument.settings import Settings, load_settings, override, to_toml
 
 
 def write(folder: Path, text: str) -> Path:

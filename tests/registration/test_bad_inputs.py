@@ -10,9 +10,8 @@ import pytest
 import trimesh
 
 from picoradar import registration
-from picoradar.registration.se3 import inverse, pose, transform
-from picoradar.registration.search.rotations import frame_about
-from picoradar.sim.physics.targets import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM
+from picoradar.registration.se3 import frame_about, inverse, pose, transform
+from picoradar.sim.physics import HIP_FILE, SOCKET_AXIS, SOCKET_CENTRE_MM
 
 
 @pytest.fixture(scope="module")

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from picoradar import registration
-from picoradar.registration.classic.baselines import head_and_hat, lm_icp, plane_icp
+from picoradar.registration.classic import LOSSES, head_and_hat, lm_icp, plane_icp
 from picoradar.registration.classic.icp import icp
-from picoradar.registration.classic.losses import LOSSES
-from picoradar.registration.model.field import build_fields
-from picoradar.registration.model.surface import Surface
+from picoradar.registration.model import Surface, build_fields
 from picoradar.registration.se3 import pose, rotation_from_vector, transform
 
 

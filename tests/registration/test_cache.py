@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from picoradar import registration
-from picoradar.registration.model.views import Place
+from picoradar.registration.model import Place
 
 
 def files(folder: Path) -> list[Path]:

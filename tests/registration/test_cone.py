@@ -11,7 +11,8 @@ import pytest
 
 from picoradar import registration
 from picoradar.registration.se3 import pose, rotation_from_vector, transform
-from picoradar.registration.search.cone import ANYWHERE, Cone, rotations_within
+from picoradar.registration.search import ANYWHERE, Cone
+from picoradar.registration.search.cone import rotations_within
 
 UP = [0.0, 0.0, 1.0]
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picoradar.registration.classic.losses import LOSSES, LeastMedian, OneSided, SelfTrimmed, mad_scale
+from picoradar.registration.classic import LOSSES
+from picoradar.registration.classic.losses import LeastMedian, OneSided, SelfTrimmed, mad_scale
 
 
 def weight_at(name: str, scaled: float) -> float:

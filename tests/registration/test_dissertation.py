@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from picoradar import registration
-from picoradar.registration.classic.dissertation import DissertationSettings, register_dissertation
-from picoradar.registration.model.surface import Surface
+from picoradar.registration.classic import DissertationSettings, register_dissertation
+from picoradar.registration.model import Surface
 from picoradar.registration.se3 import inverse, pose, rotation_from_vector, transform
 
 

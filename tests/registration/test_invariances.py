@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from picoradar import registration
 from picoradar.registration import paired_points
 from picoradar.registration.classic.icp import icp
-from picoradar.registration.model.surface import Surface
+from picoradar.registration.model import Surface
 from picoradar.registration.se3 import inverse, pose, rotation_from_vector, transform
 
 START = pose(rotation_from_vector(np.radians([2.0, -1.0, 2.0])), np.array([1.0, -1.0, 1.0]))

@@ -9,10 +9,8 @@ import pytest
 import trimesh
 
 from picoradar import registration
-from picoradar.registration.model.field import build_fields
+from picoradar.registration.model import Surface, build_fields, part, visible_shell
 from picoradar.registration.model.mesh import signed_volume
-from picoradar.registration.model.surface import Surface, part
-from picoradar.registration.model.visibility import visible_shell
 
 CUBE = np.array([[x, y, z] for x in (0, 10) for y in (0, 10) for z in (0, 10)], dtype=float)
 CUBE_FACES = np.array(

@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 
 from picoradar import registration
-from picoradar.registration.robust.schedule import register_robust
-from picoradar.registration.scan.points import checked_scan
-from picoradar.registration.trust.assess import Asked, assess, pose_covariance
+from picoradar.registration.least_squares import information, plane_rows
+from picoradar.registration.robust import register_robust
+from picoradar.registration.scan import checked_scan
+from picoradar.registration.solution import Rival
+from picoradar.registration.trust import Asked
+from picoradar.registration.trust.assess import assess, pose_covariance
 from picoradar.registration.trust.covariance import (
     chi_square_quantile,
     describe_weakness,
-    information,
     patch_misfit_mm,
-    plane_rows,
     quantile_mm,
     stiffness,
     target_covariance,
 )
-from picoradar.registration.trust.result import Rival
 
 
 def sphere_patch(count: int, cap: float = np.pi) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from picoradar.registration.errors import PointsError
-from picoradar.registration.scan.points import Scan, checked_scan
+from picoradar.registration.scan import Scan, checked_scan
 from picoradar.registration.scan.raster import found_grid, neighbours, thinned
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from picoradar.registration.model import Surface
 from picoradar.registration.model.rays import EmbreeRays, TreeRays, first_hits
-from picoradar.registration.model.surface import Surface
 
 OFFSET_MM = np.array([4000.0, -9000.0, 2500.0])
 

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from picoradar import registration
-from picoradar.registration.refine.beam_fit import Final, exact_finish
-from picoradar.registration.refine.weak_modes import End, dispersion, ends_beside, walked
-from picoradar.registration.scan.noise import NoiseModel
-from picoradar.registration.scan.points import Scan, checked_scan
+from picoradar.registration.refine import Final, dispersion, ends_beside, exact_finish, walked
+from picoradar.registration.scan import NoiseModel, Scan, checked_scan
 from picoradar.registration.se3 import inverse, pose, rotation_angle_deg, rotation_from_vector
+from picoradar.registration.solution import End
 
 
 def finisher(scan: Scan, model: registration.Model) -> Callable[[np.ndarray], Final]:

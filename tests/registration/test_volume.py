@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from picoradar import registration
-from picoradar.registration.model.surface import Surface
-from picoradar.registration.preoperative.volume import surface_points, two_gaussians
+from picoradar.registration.model import Surface
+from picoradar.registration.preoperative import surface_points
+from picoradar.registration.preoperative.volume import two_gaussians
 from picoradar.registration.se3 import pose, rotation_from_vector, transform
 
 ROOT = Path(__file__).parents[2]

@@ -14,13 +14,13 @@ import pytest
 import serial
 
 from picoradar.drivers.clock import VirtualClock, WallClock
-from picoradar.drivers.dg645.driver import DG645
+from picoradar.drivers.dg645 import DG645
 from picoradar.drivers.errors import LinkLost
-from picoradar.drivers.links.serial import SerialLink
+from picoradar.drivers.links import SerialLink
 from picoradar.instrument.bench.port_probe import Answer, who_answers
-from picoradar.sim.firmware.dg645.device import Dg645Firmware
-from picoradar.sim.firmware.genesys.device import GenesysFirmware
-from picoradar.sim.ports.wire import SerialFirmware, SerialWire
+from picoradar.sim.firmware.dg645 import Dg645Firmware
+from picoradar.sim.firmware.genesys import GenesysFirmware
+from picoradar.sim.ports import SerialFirmware, SerialWire
 from picoradar.sim.server.event_loop import EventLoop
 from picoradar.sim.server.served_port import ServedPort
 from picoradar.sim.wires import InterlockChain, TriggerLine

@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 
 from picoradar.drivers.clock import VirtualClock
 from picoradar.drivers.helios import wire as helios_wire
-from picoradar.sim.firmware.helios.device import HeliosFirmware
+from picoradar.sim.firmware.helios import HeliosFirmware
 from picoradar.sim.server.event_loop import EventLoop
 from picoradar.sim.server.usb_operations import ARGUMENTS
 from picoradar.sim.server.usb_server import UsbServer
-from picoradar.sim.usb import SimUsbBackend
+from picoradar.sim.usb import BadFrame, SimUsbBackend, send_frame, take_frame
 from picoradar.sim.usb.forward import ForwardBackend, backend
-from picoradar.sim.usb.frames import BadFrame, encode_frame, receive_frame, send_frame, take_frame
+from picoradar.sim.usb.frames import encode_frame, receive_frame
 
 
 class Still:

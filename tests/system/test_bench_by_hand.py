@@ -20,17 +20,15 @@ from picoradar.instrument.cli.session import Session, session
 from picoradar.instrument.cli.stages import PersonStage, SimulatedStage
 from picoradar.instrument.errors import BadInput, Interrupted
 from picoradar.instrument.procedures import distance, drift, transmitter
+from picoradar.instrument.procedures.geometry import Pose
 from picoradar.instrument.procedures.geometry import procedure as geometry
-from picoradar.instrument.procedures.geometry.plane_poses import Pose
 from picoradar.instrument.procedures.gray_target import procedure as gray_target
 from picoradar.instrument.procedures.gray_target import templates
 from picoradar.instrument.procedures.prism import procedure as prism
 from picoradar.instrument.procedures.scanner import procedure as scanner
-from picoradar.instrument.procedures.station.outcome import Outcome
-from picoradar.instrument.procedures.station.stage import Placing
-from picoradar.instrument.procedures.station.station import Station
-from picoradar.instrument.settings.tables import Settings, load_settings, override
-from picoradar.sim.physics.transmitter import Transmitter
+from picoradar.instrument.procedures.station import Outcome, Placing, Station
+from picoradar.instrument.settings import Settings, load_settings, override
+from picoradar.sim.physics import Transmitter
 from picoradar.sim.settings import SimulationSettings
 
 SMALL: dict[str, tuple[int, Callable[[Station], Outcome]]] = {

@@ -13,24 +13,21 @@ import numpy as np
 import pytest
 
 from picoradar.drivers.interfaces import Record, SweepSettings
-from picoradar.instrument.calibration.file import Calibration
+from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.cli.light_meters import light_meters
 from picoradar.instrument.cli.person import Person
 from picoradar.instrument.cli.session import Session, session
 from picoradar.instrument.cli.stages import SimulatedStage
 from picoradar.instrument.procedures import distance, drift, transmitter
+from picoradar.instrument.procedures.geometry import Pose
 from picoradar.instrument.procedures.geometry import procedure as geometry
-from picoradar.instrument.procedures.geometry.plane_poses import Pose
 from picoradar.instrument.procedures.gray_target import procedure as gray_target
 from picoradar.instrument.procedures.gray_target import templates
 from picoradar.instrument.procedures.prism import procedure as prism
 from picoradar.instrument.procedures.scanner import procedure as scanner
-from picoradar.instrument.procedures.station.folder import write_outcome
-from picoradar.instrument.procedures.station.outcome import Outcome
+from picoradar.instrument.procedures.station import Outcome, Placing, Station, write_outcome
 from picoradar.instrument.procedures.station.records import cloud_of
-from picoradar.instrument.procedures.station.stage import Placing
-from picoradar.instrument.procedures.station.station import Station
-from picoradar.instrument.settings.tables import Settings, override
+from picoradar.instrument.settings import Settings, override
 from picoradar.sim.wires import Acquisition
 
 DATE = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)

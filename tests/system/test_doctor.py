@@ -12,13 +12,12 @@ import pytest
 import serial
 
 from picoradar.drivers.clock import VirtualClock
-from picoradar.drivers.links.serial import SerialLink
-from picoradar.instrument.bench.doctor import Finding, examine
-from picoradar.instrument.bench.opening import DeviceMaker
+from picoradar.drivers.links import SerialLink
+from picoradar.instrument.bench import DeviceMaker, Finding, examine
 from picoradar.instrument.cli.main import run
-from picoradar.instrument.settings.tables import Links, Settings
+from picoradar.instrument.settings import Links, Settings
 from picoradar.sim import SimulatedBench
-from picoradar.sim.ports.wire import SerialWire, publish, withdraw
+from picoradar.sim.ports import SerialWire, publish, withdraw
 
 
 @pytest.fixture

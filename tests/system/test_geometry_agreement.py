@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from picoradar.drivers.clock import VirtualClock
-from picoradar.instrument.calibration.geometry import CENTRE_CODE, CODES, codes_to_angles, points_from
-from picoradar.sim.physics.mirrors import MirrorPair
-from picoradar.sim.physics.noise import Noise
+from picoradar.instrument.calibration import CENTRE_CODE, codes_to_angles, points_from
+from picoradar.instrument.calibration.geometry import CODES
+from picoradar.sim.physics import MirrorPair, Noise
 from picoradar.sim.settings import SimulationSettings
 
 

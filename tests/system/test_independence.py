@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from picoradar.drivers.clock import VirtualClock
-from picoradar.drivers.links.usb import UsbLink
+from picoradar.drivers.links import UsbLink
 
 
 def samples_of(radar: Any) -> np.ndarray:

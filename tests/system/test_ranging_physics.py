@@ -7,10 +7,10 @@ import datetime
 import numpy as np
 import pytest
 
-from picoradar.instrument.calibration.file import METHODS, Calibration
-from picoradar.instrument.line.scan_line import Flag
+from picoradar.instrument.calibration import METHODS, Calibration
+from picoradar.instrument.line import Flag
 from picoradar.instrument.ranging import estimate, fit_walk, learn
-from picoradar.sim.validation.bench import SWEEPS, TIMES_PS, Bench, painted
+from picoradar.sim.validation import SWEEPS, TIMES_PS, Bench, painted
 
 DISTANCE_MM = 1000.0
 READINGS = 80

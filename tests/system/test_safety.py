@@ -11,13 +11,13 @@ import pytest
 
 from picoradar.drivers.clock import VirtualClock
 from picoradar.drivers.errors import DeviceError
-from picoradar.instrument.bench.opening import make_bench
+from picoradar.instrument.bench import make_bench
 from picoradar.instrument.cli.main import run
 from picoradar.instrument.controller import Controller, make_safe
 from picoradar.instrument.errors import InterlockTripped
-from picoradar.instrument.line.scan_line import ScanLine
+from picoradar.instrument.line import ScanLine
 from picoradar.instrument.recording import Recording, RecordingError
-from picoradar.instrument.settings.tables import Links, Settings, override
+from picoradar.instrument.settings import Links, Settings, override
 from picoradar.sim import SimulatedBench
 from picoradar.sim.faults import Fault, arm
 

@@ -10,8 +10,8 @@ import pytest
 
 from picoradar.instrument.cli.commands.settings import settings_schema
 from picoradar.instrument.cli.main import run
+from picoradar.instrument.settings import Settings, load_settings
 from picoradar.instrument.settings.profiles import PROFILES
-from picoradar.instrument.settings.tables import Settings, load_settings
 
 SCHEMA = Path(__file__).parents[2] / "docs" / "settings.schema.json"
 

@@ -15,14 +15,14 @@ from benchmarks.faults.watch import LightMeter
 from picoradar.drivers.clock import VirtualClock
 from picoradar.drivers.errors import DeviceError
 from picoradar.instrument import events
-from picoradar.instrument.acquisition.sweep import RasterScan
-from picoradar.instrument.bench.opening import make_bench
+from picoradar.instrument.acquisition import RasterScan
+from picoradar.instrument.bench import make_bench
 from picoradar.instrument.cli.session import calibration_of
 from picoradar.instrument.controller import STATES, Controller, allowed_verbs
 from picoradar.instrument.errors import InterlockTripped, Interrupted, NotAllowed
-from picoradar.instrument.line.scan_line import ScanLine
+from picoradar.instrument.line import ScanLine
 from picoradar.instrument.recording import Recording
-from picoradar.instrument.settings.tables import Links, Settings, override
+from picoradar.instrument.settings import Links, Settings, override
 from picoradar.sim import SimulatedBench
 from picoradar.sim.faults import KINDS, Fault, arm
 

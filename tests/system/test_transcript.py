@@ -10,11 +10,10 @@ import pytest
 from picoradar.drivers.clock import VirtualClock
 from picoradar.drivers.errors import DeviceFault
 from picoradar.drivers.interfaces import SweepSettings
-from picoradar.drivers.links.transcript import Transcript, read_transcript
-from picoradar.instrument.bench.doctor import Finding, examine
-from picoradar.instrument.bench.opening import DeviceMaker
+from picoradar.drivers.links import Transcript, read_transcript
+from picoradar.instrument.bench import DeviceMaker, Finding, examine
 from picoradar.instrument.cli.main import run
-from picoradar.instrument.settings.tables import Links, Settings
+from picoradar.instrument.settings import Links, Settings
 from picoradar.sim import SimulatedBench
 from picoradar.sim.replay import ReplayedBench, ReplayMismatch
 

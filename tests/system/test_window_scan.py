@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from picoradar.instrument.cli.main import run
-from picoradar.instrument.line.scan_line import Flag
+from picoradar.instrument.line import Flag
 from picoradar.instrument.recording import Recording
 
 

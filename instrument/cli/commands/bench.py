@@ -13,9 +13,8 @@ from picoradar.instrument.errors import BadInput, Interrupted
 
 if TYPE_CHECKING:
     from picoradar.instrument.cli.session import Session
-    from picoradar.instrument.procedures.station.outcome import Outcome
-    from picoradar.instrument.procedures.station.station import Progress, Station
-    from picoradar.instrument.settings.tables import Settings
+    from picoradar.instrument.procedures.station import Outcome, Progress, Station
+    from picoradar.instrument.settings import Settings
 
 NAMES = ("transmitter", "distance", "gray-target", "templates", "scanner", "geometry", "prism", "drift")
 
@@ -47,7 +46,7 @@ def bench(
     from picoradar.instrument.cli import session
     from picoradar.instrument.cli.simulated import checked_simulation
     from picoradar.instrument.procedures import PROCEDURES
-    from picoradar.instrument.procedures.station.folder import write_outcome
+    from picoradar.instrument.procedures.station import write_outcome
 
     if name not in PROCEDURES:
         raise BadInput(f"bench {name!r}: no such procedure; there are {', '.join(PROCEDURES)}")
@@ -135,7 +134,7 @@ def _station(run: Session, name: str, folder: Path, progress: Progress, date: da
     from picoradar.instrument.cli.light_meters import light_meters
     from picoradar.instrument.cli.person import Person
     from picoradar.instrument.cli.stages import PersonStage, SimulatedStage
-    from picoradar.instrument.procedures.station.station import Station
+    from picoradar.instrument.procedures.station import Station
 
     person = Person(run.controller.rest)
     stage = PersonStage(person) if run.simulated is None else SimulatedStage(run.simulated)

@@ -13,7 +13,7 @@ from picoradar.instrument.cli import options, output
 from picoradar.instrument.errors import BadInput
 
 if TYPE_CHECKING:
-    from picoradar.instrument.calibration.file import Calibration
+    from picoradar.instrument.calibration import Calibration
 
 Files = Annotated[list[Path] | None, typer.Argument(help="Calibration files, or folders to search; none: this folder.")]
 File = Annotated[Path, typer.Argument(help="A calibration file.")]
@@ -34,7 +34,7 @@ def listed(files: Files = None, json: options.Json = False) -> None:
 
     Files that are no calibrations are named on stderr.
     """
-    from picoradar.instrument.calibration.file import Calibration
+    from picoradar.instrument.calibration import Calibration
 
     found: list[tuple[Path, Calibration]] = []
     for path in _candidates(files or [Path()]):
@@ -55,7 +55,7 @@ def listed(files: Files = None, json: options.Json = False) -> None:
 @calibration.command(epilog="Example: picoradar calibration show gray/calibration.json")
 def show(file: File, json: options.Json = False) -> None:
     """Say what a calibration holds."""
-    from picoradar.instrument.calibration.file import Calibration
+    from picoradar.instrument.calibration import Calibration
 
     summary = {"file": file, **_summary(Calibration.load(file))}
     if json:
@@ -71,8 +71,7 @@ def compare(before: File, after: File, json: options.Json = False) -> None:
     The second less the first: in their values, and in millimetres at a point of the scan; and whether they are of the
     same instrument.
     """
-    from picoradar.instrument.calibration.checks import differences
-    from picoradar.instrument.calibration.file import Calibration
+    from picoradar.instrument.calibration import Calibration, differences
 
     found = differences(Calibration.load(before), Calibration.load(after))
     if json:
@@ -88,9 +87,9 @@ def status(settings: options.SettingsFile = None, json: options.Json = False) ->
     It is judged by the devices that answer (their serial numbers), the diode's temperature, its age, and what the
     estimator in force needs. Exit status 1: out of date.
     """
-    from picoradar.instrument.calibration.checks import out_of_date
+    from picoradar.instrument.calibration import out_of_date
     from picoradar.instrument.cli.session import calibration_of
-    from picoradar.instrument.settings.tables import Settings, load_settings
+    from picoradar.instrument.settings import Settings, load_settings
 
     wanted = Settings() if settings is None else load_settings(settings)
     found = calibration_of(wanted)

@@ -12,9 +12,8 @@ import typer
 from picoradar.instrument.cli import options, output, transcripts
 
 if TYPE_CHECKING:
-    from picoradar.instrument.bench.doctor import Finding
-    from picoradar.instrument.bench.opening import DeviceMaker
-    from picoradar.instrument.settings.tables import Settings
+    from picoradar.instrument.bench import DeviceMaker, Finding
+    from picoradar.instrument.settings import Settings
 
 
 def add_to(app: typer.Typer) -> None:
@@ -31,8 +30,8 @@ def doctor(
     json: options.Json = False,
 ) -> None:
     """Open and identify every device, check limits and permissions; the laser stays off."""
-    from picoradar.instrument.bench.doctor import examine
-    from picoradar.instrument.settings.tables import Settings, load_settings
+    from picoradar.instrument.bench import examine
+    from picoradar.instrument.settings import Settings, load_settings
 
     wanted = Settings() if settings is None else load_settings(settings)
     with _maker(wanted, transcript) as make:
@@ -51,7 +50,7 @@ def doctor(
 def _maker(settings: Settings, transcript: Path | None) -> Iterator[DeviceMaker]:
     """Give the maker of the devices: real ones, or those of the simulated bench in this process."""
     from picoradar.drivers.clock import ScaledClock
-    from picoradar.instrument.bench.opening import DeviceMaker
+    from picoradar.instrument.bench import DeviceMaker
 
     with transcripts.transcript_to(transcript) as written:
         if settings.bench == "devices":

@@ -31,7 +31,7 @@ def laser_class(
     json: Json = False,
 ) -> None:
     """Compare a pulse train with the limits of class 1 (a calculation, not a certification)."""
-    from picoradar.instrument.controller.laser_class import EDITION, PulseTrain, classify
+    from picoradar.instrument.controller import EDITION, PulseTrain, classify
 
     if (pulse_energy_nj is None) == (mean_power_mw is None):
         raise BadInput("laser-class: give either --pulse-energy-nj or --mean-power-mw")

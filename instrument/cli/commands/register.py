@@ -144,7 +144,7 @@ def read_targets(path: Path | None) -> list[dict[str, Any]] | None:
 
 def read_regions(path: Path | None) -> list[dict[str, Any]] | None:
     """Read the regions of the model that take no part; refused like `read_targets`."""
-    from picoradar.registration.refine.exclusion import excluded_regions
+    from picoradar.registration.refine import excluded_regions
 
     return _read_checked(path, "--exclude", excluded_regions)
 

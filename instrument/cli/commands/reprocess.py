@@ -26,10 +26,10 @@ def rerange(
     json: options.Json = False,
 ) -> None:
     """Range a recording again, with another estimator or calibration; the old one stays as it is."""
-    from picoradar.instrument.acquisition.reprocess import rerange as range_again
-    from picoradar.instrument.calibration.file import Calibration
+    from picoradar.instrument.acquisition import rerange as range_again
+    from picoradar.instrument.calibration import Calibration
     from picoradar.instrument.cli.commands.info import describe_recording
-    from picoradar.instrument.line.scan_line import ScanLine
+    from picoradar.instrument.line import ScanLine
     from picoradar.instrument.recording import Recording
 
     method = checked_method(estimator)

@@ -24,10 +24,10 @@ def resume(
     json: options.Json = False,
 ) -> None:
     """Take the lines that are missing, with the settings, seed and calibration of the recording itself."""
-    from picoradar.instrument.calibration.file import Calibration
+    from picoradar.instrument.calibration import Calibration
     from picoradar.instrument.cli import session
     from picoradar.instrument.recording import Recording
-    from picoradar.instrument.settings.tables import settings_from
+    from picoradar.instrument.settings import settings_from
 
     with Recording.open(recording) as broken_off:
         header = broken_off.header

@@ -30,8 +30,8 @@ def settings(
     json: options.Json = False,
 ) -> None:
     """Print a settings profile as commented TOML, to be edited and used with --settings."""
+    from picoradar.instrument.settings import settings_from, to_toml
     from picoradar.instrument.settings.profiles import PROFILES, profile_text
-    from picoradar.instrument.settings.tables import settings_from, to_toml
 
     if schema:
         sys.stdout.write(json_text.dumps(settings_schema(), indent=1) + "\n")
@@ -52,7 +52,7 @@ def settings(
 
 def settings_schema() -> dict[str, Any]:
     """Make the JSON schema of a settings file, the simulator's table included."""
-    from picoradar.instrument.settings.tables import Settings
+    from picoradar.instrument.settings import Settings
     from picoradar.sim.settings import SimulationSettings
 
     schema = Settings.model_json_schema()

@@ -16,7 +16,7 @@ from picoradar.instrument.cli import options, output
 from picoradar.instrument.errors import BadInput
 
 if TYPE_CHECKING:
-    from picoradar.instrument.settings.tables import Settings
+    from picoradar.instrument.settings import Settings
 
 FASTEST = 50.0  # above it the operating system is too slow for the host's heartbeat
 
@@ -44,7 +44,7 @@ def sim(
 ) -> None:
     """Serve the simulated bench on ptys, socket:// ports and forwarded USB; the first line of stdout is JSON."""
     from picoradar.instrument.cli.simulated import Simulated
-    from picoradar.instrument.settings.tables import to_toml
+    from picoradar.instrument.settings import to_toml
     from picoradar.sim.server import BenchServer
 
     factor = served_speed(speed)
@@ -101,7 +101,7 @@ def served_speed(text: str) -> float:
 
 def host_settings(settings: Settings, addresses: dict[str, Any], speed: float, folder: Path) -> Settings:
     """Make the settings by which a host reaches the served bench: sockets, forwarded USB, calibration, pace."""
-    from picoradar.instrument.settings.tables import Links
+    from picoradar.instrument.settings import Links
 
     calibration = folder / "calibration.json"
     calibration.write_bytes((resources.files("picoradar.instrument") / "data" / "simulated-bench.json").read_bytes())

@@ -22,8 +22,8 @@ def validate(
     json: options.Json = False,
 ) -> None:
     """Compare the simulated radar with what the dissertation measured, on one page with pictures."""
+    from picoradar.sim.validation import PARTS, SEED
     from picoradar.sim.validation import validate as compare
-    from picoradar.sim.validation.run import PARTS, SEED
 
     with output.progress() as bar:
         task = bar.add_task("validate", total=len(PARTS), note="")

@@ -1,9 +1,9 @@
 """What HDF5 and Zarr hold alike: a tree of two groups, ``points`` and (if asked for) ``traces`` or ``windows``.
 
-``points`` has the arrays of `picoradar.instrument.files.export.npz`, one entry a place with a range. ``traces`` has one entry a place
+``points`` has the arrays of `npz`, one entry a place with a range. ``traces`` has one entry a place
 of the scan, with a range or not: ``sums`` (M, S) of the A/D codes over ``sweeps`` sweeps, ``row``, ``column`` and
 ``flags``. Its attributes give the axis and the scale: the k-th sample is taken at start_ps + step_ps * k and is
-(sums / sweeps - zero_code) * mv_per_code mV. A scan in windows has the group of `picoradar.instrument.files.export.windows` in its
+(sums / sweeps - zero_code) * mv_per_code mV. A scan in windows has the group of `windows` in its
 place. The root carries the recording's header as JSON text.
 """
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from picoradar.instrument.files.export.errors import ExportError
-from picoradar.instrument.line.windows import PULSES, LineWindows
+from picoradar.instrument.line import PULSES, LineWindows
 from picoradar.instrument.recording import Recording
 
 

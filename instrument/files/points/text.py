@@ -47,6 +47,8 @@ def read_text(path: Path) -> Columns:
         if ";" in text and "," in text:  # 1,5;2,5 would be read as four numbers
             raise PointFileError(path, "both ; and , are used", "write decimals with a point", line=number)
         words = [word for word in _SEPARATORS.split(text) if word]
+        if not words:
+            raise PointFileError(path, f"'{text[:60]}' has separators and no numbers", _REMEDY, line=number)
         if not names and not rows and not _is_number(words[0]):
             names = [word.strip("\"'").lower() for word in words]
             continue

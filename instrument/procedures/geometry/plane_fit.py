@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.calibration.file import Calibration, GeometryUncertainty
+from picoradar.instrument.calibration import Calibration, GeometryUncertainty
 from picoradar.instrument.procedures.geometry.planes import (
     COUNT,
     PARAMETERS,

@@ -7,8 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from picoradar.instrument.calibration.file import Calibration
-from picoradar.instrument.calibration.geometry import points_from, true_angles
+from picoradar.instrument.calibration import Calibration, points_from, true_angles
 from picoradar.instrument.procedures.geometry.plane_fit import OFFSET_SD_MM, PlaneFit
 from picoradar.instrument.procedures.geometry.planes import (
     COUNT,

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.calibration.file import Calibration, ScannerErrors
-from picoradar.instrument.calibration.geometry import jacobian, points_from, true_angles
+from picoradar.instrument.calibration import Calibration, ScannerErrors, jacobian, points_from, true_angles
 
 FloatArray = NDArray[np.float64]
 

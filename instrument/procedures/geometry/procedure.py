@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from picoradar.instrument.calibration.file import Calibration
+from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.procedures.geometry.plane_fit import fit_planes
 from picoradar.instrument.procedures.geometry.plane_poses import DEFAULT_POSES, HELD_BACK, Pose, next_pose
 from picoradar.instrument.procedures.geometry.planes import PlaneScan, fitted_plane, points, values_of

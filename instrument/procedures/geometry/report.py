@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from picoradar.instrument.calibration.file import Calibration
+from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.procedures.geometry.plane_fit import KNOWN_SHARE, PlaneFit
 from picoradar.instrument.procedures.geometry.plane_poses import Pose
 from picoradar.instrument.procedures.geometry.plane_words import in_words, named

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.calibration.file import Calibration, Method
-from picoradar.instrument.line.scan_line import NO_RANGE
+from picoradar.instrument.calibration import Calibration, Method
+from picoradar.instrument.line import NO_RANGE
 from picoradar.instrument.ranging import estimate
 
 FloatArray = NDArray[np.float64]

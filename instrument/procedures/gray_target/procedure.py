@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from picoradar.instrument.calibration.file import METHODS, Calibration
+from picoradar.instrument.calibration import METHODS, Calibration
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.procedures.gray_target.level import FloatArray, Level
 from picoradar.instrument.procedures.gray_target.report import judged
@@ -19,9 +19,7 @@ from picoradar.instrument.procedures.station.outcome import Outcome
 from picoradar.instrument.procedures.station.records import traces_of
 from picoradar.instrument.procedures.station.stage import Placing
 from picoradar.instrument.procedures.station.station import Station
-from picoradar.instrument.ranging import estimate
-from picoradar.instrument.ranging.learning import learn
-from picoradar.instrument.ranging.walk import fit_walk
+from picoradar.instrument.ranging import estimate, fit_walk, learn
 
 NAME = "gray-target"
 WALK_FREE_MV = 40.0  # the range zero is taken above: there the walk is flat (figure 2.15)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from picoradar.instrument.calibration.file import METHODS, Calibration
+from picoradar.instrument.calibration import METHODS, Calibration
 from picoradar.instrument.procedures.gray_target.level import FloatArray, Level
 from picoradar.instrument.procedures.station.outcome import Outcome, Plot, Readings
 

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from picoradar.instrument.calibration.file import Calibration, Templates
+from picoradar.instrument.calibration import Calibration, Templates
 from picoradar.instrument.procedures.gray_target.level import Level
 from picoradar.instrument.procedures.gray_target.procedure import DISTANCE_MM, measure, no_wedge, wedge
 from picoradar.instrument.procedures.station.findings import lost_readings, refused
 from picoradar.instrument.procedures.station.outcome import Outcome, Plot, Readings
 from picoradar.instrument.procedures.station.station import Station
-from picoradar.instrument.ranging.learning import learn
+from picoradar.instrument.ranging import learn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.calibration.file import Calibration, Method, ScannerErrors
-from picoradar.instrument.calibration.geometry import jacobian, true_angles
+from picoradar.instrument.calibration import Calibration, Method, ScannerErrors, jacobian, true_angles
 from picoradar.instrument.procedures.prism import body
 from picoradar.instrument.procedures.prism.pictures import draw_distances, draw_map
 from picoradar.instrument.procedures.station.findings import lost_readings, refused

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.settings.tables import ScannerSettings
+from picoradar.instrument.settings import ScannerSettings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.calibration.geometry import (
+from picoradar.instrument.calibration import (
     angles_and_range,
     angles_to_codes,
     asked_angles,
@@ -20,7 +20,7 @@ from picoradar.instrument.calibration.geometry import (
     points_from,
     true_angles,
 )
-from picoradar.instrument.controller.safety import make_safe
+from picoradar.instrument.controller import make_safe
 from picoradar.instrument.procedures.scanner.pictures import (
     FLYBACK_LIMIT_MM,
     FLYBACK_MM,

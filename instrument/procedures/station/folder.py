@@ -12,9 +12,9 @@ import numpy as np
 from pydantic import BaseModel
 
 from picoradar.instrument.procedures.station.outcome import Outcome, Plot
-from picoradar.instrument.recording.header import plain, versions
-from picoradar.instrument.report.page import Banner, Page, Picture
-from picoradar.instrument.settings.tables import Settings, to_toml
+from picoradar.instrument.recording import plain, versions
+from picoradar.instrument.report import Banner, Page, Picture
+from picoradar.instrument.settings import Settings, to_toml
 
 DPI = 140
 

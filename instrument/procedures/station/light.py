@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from picoradar.drivers.clock import Clock
 from picoradar.drivers.interfaces import Galvo, Record, Sampler, SweepSettings
 from picoradar.instrument.controller import Between
-from picoradar.instrument.line.scan_line import ScanLine
+from picoradar.instrument.line import ScanLine
 
 FloatArray = NDArray[np.float64]
 Wait = Callable[[Callable[[], bool]], None]

@@ -7,13 +7,11 @@ from numpy.typing import NDArray
 
 from picoradar.drivers.clock import Clock
 from picoradar.drivers.interfaces import Galvo, Sampler
-from picoradar.instrument.acquisition.raster import LinePlan
-from picoradar.instrument.acquisition.sweep import RasterScan
-from picoradar.instrument.calibration.file import Calibration
-from picoradar.instrument.calibration.geometry import codes_to_angles
+from picoradar.instrument.acquisition import LinePlan, RasterScan
+from picoradar.instrument.calibration import Calibration, codes_to_angles
 from picoradar.instrument.controller import Between
-from picoradar.instrument.line.scan_line import ScanLine
-from picoradar.instrument.settings.tables import Settings, override
+from picoradar.instrument.line import ScanLine
+from picoradar.instrument.settings import Settings, override
 
 WATCH_LOOK_S = 10.0  # from one look at the interlocks to the next while waiting with the laser on
 

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.calibration.file import Calibration, Method
-from picoradar.instrument.calibration.geometry import points_from, true_angles
+from picoradar.instrument.calibration import Calibration, Method, points_from, true_angles
 from picoradar.instrument.ranging import estimate
 from picoradar.instrument.recording import Cloud, Recording
 

@@ -12,16 +12,22 @@ from numpy.typing import NDArray
 
 from picoradar.drivers.clock import Clock
 from picoradar.drivers.interfaces import Identity
-from picoradar.instrument.acquisition.sweep import RasterScan
-from picoradar.instrument.calibration.file import Calibration, Method
-from picoradar.instrument.calibration.geometry import CENTRE_CODE, angles_and_range, angles_to_codes, asked_angles
+from picoradar.instrument.acquisition import RasterScan
+from picoradar.instrument.calibration import (
+    CENTRE_CODE,
+    Calibration,
+    Method,
+    angles_and_range,
+    angles_to_codes,
+    asked_angles,
+)
 from picoradar.instrument.controller import Controller
 from picoradar.instrument.errors import Interrupted
 from picoradar.instrument.procedures.station.light import LightMeters
 from picoradar.instrument.procedures.station.places import PlacesScan, WatchScan
 from picoradar.instrument.procedures.station.stage import Stage
 from picoradar.instrument.recording import Recording
-from picoradar.instrument.settings.tables import Settings, override
+from picoradar.instrument.settings import Settings, override
 
 Progress = Callable[[float, str], None]
 STARE_COLUMNS = 50

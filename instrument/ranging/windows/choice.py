@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from picoradar.instrument.calibration.file import Calibration
+from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.ranging.windows.fit import Window, promised_sd_mm
 

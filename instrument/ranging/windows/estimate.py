@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from picoradar.instrument.calibration.file import Calibration
+from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.errors import BadInput
-from picoradar.instrument.line.scan_line import Flag
+from picoradar.instrument.line import Flag
 from picoradar.instrument.ranging.pair import PulsePair, mark, mark_misplaced, share_reference, to_ranges
 from picoradar.instrument.ranging.ranges import Ranges
 from picoradar.instrument.ranging.settings import RangingSettings

@@ -1,1 +1,7 @@
 """The sampling bridge's firmware."""
+
+from picoradar.sim.firmware.bridge.device import SamplingBridgeFirmware
+
+__all__ = [
+    "SamplingBridgeFirmware",
+]

@@ -14,8 +14,7 @@ from picoradar.sim.firmware.bridge.checks import Refused, check_configuration, c
 from picoradar.sim.firmware.bridge.gate import TriggerGate
 from picoradar.sim.firmware.bridge.reports import Reports
 from picoradar.sim.firmware.bridge.run import Acquirer
-from picoradar.sim.usb.descriptors import BULK, INTERRUPT, Configuration, Device, Endpoint, Interface
-from picoradar.sim.usb.firmware import Setup, UsbStall
+from picoradar.sim.usb import BULK, INTERRUPT, Configuration, Device, Endpoint, Interface, Setup, UsbStall
 from picoradar.sim.wires import InterlockChain, SignalSource, TriggerLine
 
 MODEL = "SLR sampling bridge"

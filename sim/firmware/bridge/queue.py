@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from picoradar.drivers.bridge.sbp import Caps
-from picoradar.drivers.bridge.sbp.frames import Frame, FrameFlag, encode_frame
+from picoradar.drivers.bridge.sbp import Caps, Frame, FrameFlag, encode_frame
 
 
 class FrameQueue:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from picoradar.drivers.dg645.wire import QUEUE_LENGTH
+from picoradar.drivers.dg645 import QUEUE_LENGTH
 
 OPC, QYE, DDE, EXE, CME, PON = 0x01, 0x04, 0x08, 0x10, 0x20, 0x80
 OVERFLOW = 254

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 
 from picoradar.drivers.clock import Clock
-from picoradar.drivers.genesys.wire import END, Fault, Status, parse_rating
+from picoradar.drivers.genesys import END, Fault, Status, parse_rating
 from picoradar.sim.firmware.genesys.supply import FILTERS_HZ, LOCAL, LOCKED_OUT, REMOTE, GenesysSupply, Refused
 from picoradar.sim.firmware.genesys.text import checksum, number, on_off, switch, two_hex_digits, without_backspaces
 from picoradar.sim.firmware.lines import LineReader

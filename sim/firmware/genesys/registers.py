@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from picoradar.drivers.genesys.wire import Fault, Status
+from picoradar.drivers.genesys import Fault, Status
 
 
 class Registers:

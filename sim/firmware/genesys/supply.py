@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from picoradar.drivers.clock import Clock, Timer
-from picoradar.drivers.genesys.wire import Fault, Status
+from picoradar.drivers.genesys import Fault, Status
 from picoradar.sim.firmware.genesys.output import LOAD_OHM, Output
 from picoradar.sim.firmware.genesys.registers import Registers
 from picoradar.sim.wires import InterlockChain

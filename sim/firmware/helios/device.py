@@ -10,10 +10,9 @@ from collections import deque
 from collections.abc import Callable
 
 from picoradar.drivers.clock import Clock
-from picoradar.drivers.helios import wire
-from picoradar.drivers.helios.wire import Answer, Command, FrameFlag
+from picoradar.drivers.helios import Answer, Command, FrameFlag, wire
 from picoradar.sim.firmware.helios.player import FramePlayer
-from picoradar.sim.usb.descriptors import (
+from picoradar.sim.usb import (
     BULK,
     FULL_SPEED,
     INTERRUPT,
@@ -22,8 +21,9 @@ from picoradar.sim.usb.descriptors import (
     Device,
     Endpoint,
     Interface,
+    Setup,
+    UsbStall,
 )
-from picoradar.sim.usb.firmware import Setup, UsbStall
 from picoradar.sim.wires import Mirrors
 
 FIRMWARE_VERSION = 6

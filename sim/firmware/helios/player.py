@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from picoradar.drivers.clock import Clock, Timer
-from picoradar.drivers.helios import wire
-from picoradar.drivers.helios.wire import FrameFlag, GalvoFrame
+from picoradar.drivers.helios import FrameFlag, GalvoFrame, wire
 from picoradar.sim.wires import Mirrors
 
 MARKER_LEVEL = 127

@@ -9,12 +9,14 @@ import math
 from collections.abc import Callable
 
 from picoradar.drivers.clock import Clock
-from picoradar.drivers.mecom.parameters import PARAMETERS, Kind, Parameter
-from picoradar.drivers.mecom.wire import (
+from picoradar.drivers.mecom import (
     ALL_ADDRESSES,
     ANY_ADDRESS,
     END,
+    PARAMETERS,
     Frame,
+    Kind,
+    Parameter,
     decode,
     decode_float,
     decode_int,

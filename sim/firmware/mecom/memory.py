@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from picoradar.drivers.clock import Clock, Timer
-from picoradar.drivers.mecom.parameters import PARAMETERS
+from picoradar.drivers.mecom import PARAMETERS
 
 FLASH_DELAY_S = 0.5
 SAVING = 108

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from picoradar.drivers.clock import Clock, Timer
-from picoradar.drivers.mecom.parameters import DeviceStatus, OutputEnable
+from picoradar.drivers.mecom import DeviceStatus, OutputEnable
 from picoradar.sim.firmware.mecom.memory import Memory
 from picoradar.sim.firmware.mecom.tec_loop import PELTIER_OHM, TemperatureLoop
 from picoradar.sim.wires import HeatPump

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from picoradar.drivers.clock import Clock, Timer
-from picoradar.drivers.mecom.parameters import OutputStageInput, Stability
+from picoradar.drivers.mecom import OutputStageInput, Stability
 from picoradar.sim.wires import HeatPump
 
 STEP_S = 0.1

@@ -10,10 +10,9 @@ from __future__ import annotations
 from collections import deque
 from typing import Protocol
 
+from picoradar.drivers.links import BadHeader, Capabilities, ControlRequest, Header, MsgId, TmcStatus
 from picoradar.drivers.links import usbtmc_wire as wire
-from picoradar.drivers.links.usbtmc_wire import BadHeader, Capabilities, ControlRequest, Header, MsgId, TmcStatus
-from picoradar.sim.usb.descriptors import BULK, INTERRUPT, Configuration, Device, Endpoint, Interface
-from picoradar.sim.usb.firmware import Setup, UsbStall
+from picoradar.sim.usb import BULK, INTERRUPT, Configuration, Device, Endpoint, Interface, Setup, UsbStall
 
 EP_OUT = 0x02
 EP_IN = 0x81

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.drivers.oscilloscope.waveform import CLIPPED_HIGH, CLIPPED_LOW, encode_block
+from picoradar.drivers.oscilloscope import CLIPPED_HIGH, CLIPPED_LOW, encode_block
 
 MOST_CODE = 30_000  # of WORD, at the edge of the screen
 _NUMBERS = {"ASC": 0, "BYTE": 1, "WORD": 2, "LONG": 3}

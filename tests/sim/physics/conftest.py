@@ -10,12 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from picoradar.drivers.clock import VirtualClock
-from picoradar.sim.physics.mirrors import MirrorPair
-from picoradar.sim.physics.noise import Noise
-from picoradar.sim.physics.optics import Optics
-from picoradar.sim.physics.scene import Scene
-from picoradar.sim.physics.targets import build_scene
-from picoradar.sim.physics.thermal import DiodeBlock
+from picoradar.sim.physics import DiodeBlock, MirrorPair, Noise, Optics, Scene, build_scene
 from picoradar.sim.settings import SimulationSettings
 from picoradar.sim.wires import Acquisition, TriggerLine
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picoradar.sim.physics.drift import SlowDrift
+from picoradar.sim.physics import Noise, SlowDrift
 from picoradar.sim.physics.materials import paint
-from picoradar.sim.physics.noise import Noise
 
 READINGS = 1600
 

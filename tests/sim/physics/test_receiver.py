@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picoradar.sim.physics.receiver import TABLE_PS, Receiver
+from picoradar.sim.physics import TABLE_PS, Receiver
 from picoradar.sim.settings import SimulationSettings
 
 

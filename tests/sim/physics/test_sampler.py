@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picoradar.sim.physics.receiver import TABLE_PS, Pulse
+from picoradar.sim.physics import TABLE_PS
+from picoradar.sim.physics.receiver import Pulse
 from picoradar.sim.physics.sampler import add_pulse, digitise
 from picoradar.sim.settings import SimulationSettings
 

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from picoradar.drivers.clock import VirtualClock
-from picoradar.sim.physics.mirrors import MirrorPair, trace
-from picoradar.sim.physics.noise import Noise
+from picoradar.sim.physics import MirrorPair, Noise, trace
 from picoradar.sim.settings import SimulationSettings
 
 QUIET = SimulationSettings(repeatability_deg=0.0)

@@ -9,20 +9,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from picoradar.sim.operator import clicks
-from picoradar.sim.physics.materials import BONE_MOIST, CLOT, GRAY_PAINT, STEEL, WHITE, Material, backscatter, paint
-from picoradar.sim.physics.noise import Noise
-from picoradar.sim.physics.rays import MISS, NumpyCaster, caster
-from picoradar.sim.physics.scene import Scene, Target
-from picoradar.sim.physics.targets import (
+from picoradar.sim.physics import (
     SOCKET_AXIS,
     SOCKET_CENTRE_MM,
+    WHITE,
+    Noise,
+    Scene,
+    Target,
     build_scene,
     hip,
     landmarks,
     load_target,
     place_target,
-    prism,
 )
+from picoradar.sim.physics.materials import BONE_MOIST, CLOT, GRAY_PAINT, STEEL, Material, backscatter, paint
+from picoradar.sim.physics.rays import MISS, NumpyCaster, caster
+from picoradar.sim.physics.targets import prism
 from picoradar.sim.settings import SimulationSettings
 
 ALONG_Z = np.array([[0.0, 0.0, 1.0]])

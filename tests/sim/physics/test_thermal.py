@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from picoradar.drivers.clock import VirtualClock
-from picoradar.sim.physics.thermal import DiodeBlock
+from picoradar.sim.physics import DiodeBlock
 from picoradar.sim.settings import SimulationSettings
 
 SETTINGS = SimulationSettings()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picoradar.sim.physics.transmitter import Transmitter
+from picoradar.sim.physics import Transmitter
 from picoradar.sim.settings import SimulationSettings
 
 

@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from picoradar.drivers.bridge import sbp
-from picoradar.drivers.bridge.driver import SamplingBridge, bridge_link
+from picoradar.drivers.bridge import SamplingBridge, bridge_link, sbp
 from picoradar.drivers.clock import VirtualClock
-from picoradar.drivers.helios.driver import Helios, helios_link
-from picoradar.sim.firmware.bridge.device import SamplingBridgeFirmware
-from picoradar.sim.firmware.helios.device import HeliosFirmware
+from picoradar.drivers.helios import Helios, helios_link
+from picoradar.sim.firmware.bridge import SamplingBridgeFirmware
+from picoradar.sim.firmware.helios import HeliosFirmware
 from picoradar.sim.usb import SimUsbBackend
 from picoradar.sim.wires import Acquisition, InterlockChain, TriggerLine
 

@@ -13,7 +13,7 @@ from picoradar.drivers.bridge import sbp
 from picoradar.drivers.clock import VirtualClock
 from picoradar.drivers.helios import wire as helios_wire
 from picoradar.drivers.links import usbtmc_wire
-from picoradar.sim.firmware.oscilloscope.device import OscilloscopeFirmware
+from picoradar.sim.firmware.oscilloscope import OscilloscopeFirmware
 from picoradar.sim.usb import Setup, UsbStall
 from picoradar.sim.wires import TriggerLine
 

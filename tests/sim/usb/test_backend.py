@@ -14,10 +14,18 @@ import usb.util
 from picoradar.drivers.bridge import sbp
 from picoradar.drivers.clock import VirtualClock
 from picoradar.drivers.errors import LinkLost, ProtocolError, Stall, Timeout
-from picoradar.drivers.links.usb import UsbLink
-from picoradar.sim.usb import Setup, SimUsbBackend, UsbStall
-from picoradar.sim.usb.bus import InTransfer
-from picoradar.sim.usb.descriptors import BULK, Configuration, Device, Endpoint, Interface
+from picoradar.drivers.links import UsbLink
+from picoradar.sim.usb import (
+    BULK,
+    Configuration,
+    Device,
+    Endpoint,
+    Interface,
+    InTransfer,
+    Setup,
+    SimUsbBackend,
+    UsbStall,
+)
 
 
 class Pipe:

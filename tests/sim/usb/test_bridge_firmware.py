@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picoradar.drivers.bridge import sbp
-from picoradar.drivers.bridge.driver import bridge_link
+from picoradar.drivers.bridge import bridge_link, sbp
 from picoradar.drivers.bridge.sbp import (
     ConfigFlag,
     Configuration,

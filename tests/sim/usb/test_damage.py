@@ -15,11 +15,10 @@ from picoradar.drivers.bridge import sbp
 from picoradar.drivers.clock import VirtualClock
 from picoradar.drivers.errors import DeviceError
 from picoradar.drivers.interfaces import Record, SweepSettings
-from picoradar.drivers.links.usbtmc import Usbtmc
-from picoradar.drivers.oscilloscope.driver import Oscilloscope, oscilloscope_link
-from picoradar.sim.firmware.oscilloscope.device import OscilloscopeFirmware
-from picoradar.sim.usb import SimUsbBackend
-from picoradar.sim.usb.bus import InTransfer
+from picoradar.drivers.links import Usbtmc
+from picoradar.drivers.oscilloscope import Oscilloscope, oscilloscope_link
+from picoradar.sim.firmware.oscilloscope import OscilloscopeFirmware
+from picoradar.sim.usb import InTransfer, SimUsbBackend
 from picoradar.sim.wires import TriggerLine
 
 KINDS = st.sampled_from(

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from picoradar.drivers.errors import DeviceFault, LimitError, LinkLost, Timeout
-from picoradar.drivers.helios import wire
-from picoradar.drivers.helios.driver import Helios, helios_link
-from picoradar.drivers.helios.wire import FrameFlag, GalvoFrame
+from picoradar.drivers.helios import FrameFlag, GalvoFrame, Helios, helios_link, wire
 from picoradar.sim.firmware.helios.device import FirmwareErased
-from picoradar.sim.usb.bus import InTransfer
+from picoradar.sim.usb import InTransfer
 
 
 def _frame(xy: list[tuple[int, int]], flags: int, rate_hz: int = 1000, blue: tuple[int, ...] = ()) -> bytes:

@@ -13,15 +13,12 @@ import pytest
 from picoradar.drivers.clock import VirtualClock
 from picoradar.drivers.errors import DeviceFault, LimitError, ProtocolError, Stall, Timeout
 from picoradar.drivers.interfaces import SweepSettings
+from picoradar.drivers.links import ControlRequest, Header, MsgId, UsbLink, Usbtmc
 from picoradar.drivers.links import usbtmc_wire as wire
-from picoradar.drivers.links.usb import UsbLink
-from picoradar.drivers.links.usbtmc import Usbtmc
-from picoradar.drivers.links.usbtmc_wire import ControlRequest, Header, MsgId
-from picoradar.drivers.oscilloscope.driver import Oscilloscope, oscilloscope_link
+from picoradar.drivers.oscilloscope import Oscilloscope, oscilloscope_link
 from picoradar.drivers.oscilloscope.waveform import decode_block
-from picoradar.sim.firmware.oscilloscope.device import OscilloscopeFirmware
-from picoradar.sim.usb import SimUsbBackend
-from picoradar.sim.usb.bus import InTransfer
+from picoradar.sim.firmware.oscilloscope import OscilloscopeFirmware
+from picoradar.sim.usb import InTransfer, SimUsbBackend
 from picoradar.sim.wires import Acquisition, TriggerLine
 
 SWEEP = SweepSettings(start_ps=2000.0, step_ps=6.7, samples=1430, averages=16, settle_shots=0, prf_hz=80_000.0)

@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picoradar.drivers.bridge import sbp
-from picoradar.drivers.bridge.driver import bridge_link
-from picoradar.drivers.bridge.sbp import ErrorCode, Request, Window
-from picoradar.drivers.bridge.sbp.frames import FrameFlag, FrameParser
+from picoradar.drivers.bridge import bridge_link, sbp
+from picoradar.drivers.bridge.sbp import ErrorCode, FrameFlag, FrameParser, Request, Window
 from picoradar.drivers.errors import DeviceFault, LimitError, LinkLost, ProtocolError, Stall
 from picoradar.drivers.helios.wire import stepped_path
 from picoradar.drivers.interfaces import SweepSettings

@@ -58,3 +58,14 @@ def pose_error(estimate: FloatArray, truth: FloatArray, at: FloatArray) -> PoseE
     motion = estimate @ inverse(truth)
     shift = motion[:3, :3] @ at + motion[:3, 3] - at
     return PoseError(rotation_deg=rotation_angle_deg(motion[:3, :3]), translation_mm=float(np.linalg.norm(shift)))
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One entry of the convergence history: which stage, and the residuals of the points still in use."""
+
+    stage: str
+    rms_mm: float
+    mean_mm: float
+    max_mm: float
+    points: int

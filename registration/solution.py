@@ -1,0 +1,54 @@
+"""What a method of registration hands over for assessment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from picoradar.registration._types import BoolArray, FloatArray, Neighbours
+from picoradar.registration.measures import Iteration
+from picoradar.registration.model import Closest
+from picoradar.registration.scan import NoiseModel
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another pose that explains the points nearly as well.
+
+    Attributes
+    ----------
+    model_from_scanner : (4, 4) array
+    cost : float
+        Mean robust cost a point, in the units of the solution's own `cost`.
+    rotation_deg, translation_mm : float
+        How far it is from the solution, the shift taken at the centre of the cloud.
+    """
+
+    model_from_scanner: FloatArray
+    cost: float
+    rotation_deg: float
+    translation_mm: float
+
+
+@dataclass(frozen=True)
+class End:
+    """Where a walk came to rest: pose (4, 4), and its weight beside the likeliest one's, which is 1."""
+
+    model_from_scanner: FloatArray
+    weight: float
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What a method hands over for assessment."""
+
+    model_from_scanner: FloatArray
+    closest: Closest
+    inliers: BoolArray
+    history: list[Iteration]
+    rivals: list[Rival]
+    noise: NoiseModel
+    around: Neighbours
+    cost: float
+    method: str
+    sure: bool = True
+    beside: list[End] = field(default_factory=list)
