@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from picoradar.drivers.bridge.sbp import Frame, FrameFlag, FrameParser, encode_frame
 from picoradar.drivers.clock import VirtualClock
-from picoradar.drivers.links import UsbLink
+from picoradar.drivers.links import UsbIdentity, UsbLink
 from picoradar.sim.usb import BULK, Configuration, Device, Endpoint, Interface, Setup, SimUsbBackend
 
 ROUNDS = 7
@@ -109,7 +109,7 @@ def main() -> None:
     buffer = array("B", bytes(ROOM))
     show("bulk read of 16 KiB with pyusb alone", lambda: device.read(0x81, buffer, 1000))
     usb.util.dispose_resources(device)
-    link = UsbLink(0x1234, 0x5678, clock, device="source", backend=backend)
+    link = UsbLink(UsbIdentity(0x1234, 0x5678), clock, device="source", backend=backend)
     link.open()
     show("bulk read of 16 KiB", lambda: link.read(0x81, ROOM, timeout_s=1.0))
     show("bulk write of 64 bytes", lambda: link.write(0x01, bytes(64), timeout_s=1.0))

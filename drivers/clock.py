@@ -1,9 +1,9 @@
 """Time for drivers, controller and simulator: wall, scaled or virtual.
 
-Nobody else in the project calls ``time.sleep`` or ``time.time``. Timers are co-operative: they run in
-the thread that sleeps or waits on the clock, never behind its back. On a `VirtualClock` time jumps
-from timer to timer, so a 20 min warm-up takes what the computer needs. Because the heartbeat of the
-laser gate is such a timer, a host that is stuck anywhere stops feeding the watchdog.
+No other module calls ``time.sleep`` or ``time.time``. Timers are cooperative: they run in the thread that sleeps or
+waits on the clock, never in another one. On a `VirtualClock` time jumps from timer to timer, so that a warm-up of
+20 min takes only as long as the computer needs. The heartbeat of the laser gate is such a timer: a host that hangs
+anywhere stops feeding the watchdog.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ POLL_S = 0.01
 
 
 class Timer:
-    """A call that is due at a moment; `cancel` takes it back."""
+    """A call that is due at a given time; `cancel` revokes it."""
 
     __slots__ = ("callback", "cancelled", "due", "period")
 
@@ -29,50 +29,50 @@ class Timer:
         self.cancelled = False
 
     def cancel(self) -> None:
-        """Take the call back; harmless when it has run already."""
+        """Revoke the call; harmless when it has run already."""
         self.cancelled = True
 
 
 @runtime_checkable
 class Clock(Protocol):
-    """What the rest of the project may ask of time (seconds, float)."""
+    """Time for drivers, controller and simulator (seconds, float)."""
 
     def now(self) -> float:
         """Get the seconds since an arbitrary start; never runs backwards."""
 
     def sleep(self, seconds: float) -> None:
-        """Let ``seconds`` pass; timers that fall due are run meanwhile."""
+        """Let ``seconds`` pass; timers that fall due meanwhile are run."""
 
     def wait(self, condition: Callable[[], bool], timeout: float) -> bool:
         """Let time pass until ``condition()`` holds; False if it does not within ``timeout`` seconds."""
 
     def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
-        """Run ``callback`` once at the moment ``when``."""
+        """Run ``callback`` once at the time ``when``."""
 
     def every(self, period: float, callback: Callable[[], None]) -> Timer:
-        """Run ``callback`` each ``period`` seconds, first after one period; missed beats are not made up."""
+        """Run ``callback`` each ``period`` seconds, first after one period; missed calls are not made up for."""
 
     def run_due(self) -> None:
         """Run the timers that are due now; returns at once if there are none."""
 
     def port_wait_s(self, seconds: float) -> float:
-        """Turn a time limit of this clock into one that a serial port understands.
+        """Convert a time limit of this clock into one for a serial port.
 
-        A port of the operating system counts wall time; the ports of a bench on a virtual clock count its time.
+        A port of the operating system counts wall time; the ports of a bench on a virtual clock count virtual time.
         """
 
     def patience_s(self, seconds: float) -> float:
-        """Turn the time after which somebody is given up into seconds of this clock.
+        """Convert the time after which a peer counts as dead, in wall time, into seconds of this clock.
 
-        Where time is scaled, devices run faster but computers do not: such a limit keeps its length on the wall.
+        On a scaled clock devices run faster but computers do not: such a limit keeps its length in wall time.
         """
 
 
 class _Timers:
-    """The heap of timers that all three clocks share."""
+    """The heap of timers that all clocks share."""
 
     def __init__(self) -> None:
-        # Tuples, because these are compared much faster than objects; the number keeps timers of one moment in order.
+        # Tuples are compared much faster than objects; the number keeps timers with the same due time in order.
         self._heap: list[tuple[float, int, Timer]] = []
         self._order = itertools.count()
 
@@ -107,7 +107,7 @@ class _Timers:
         return heapq.heappop(self._heap)[2] if due is not None and due <= now else None
 
     def _run(self, timer: Timer) -> None:
-        # A periodic timer is re-armed after its call, so it can never nest in itself.
+        # A periodic timer is armed again after its call, so that it can never nest in itself.
         timer.callback()
         if timer.period is not None and not timer.cancelled:
             timer.due = max(timer.due + timer.period, self.now())
@@ -120,7 +120,7 @@ class ScaledClock(_Timers):
     Parameters
     ----------
     factor : float
-        Clock seconds per second of the wall; positive.
+        Seconds of the clock per second of wall time; positive.
     """
 
     def __init__(self, factor: float = 1.0) -> None:
@@ -162,21 +162,14 @@ class ScaledClock(_Timers):
         return True
 
 
-class WallClock(ScaledClock):
-    """Time as it passes."""
-
-    def __init__(self) -> None:
-        super().__init__(1.0)
-
-
 class VirtualClock(_Timers):
     """Discrete-event time: jumps from timer to timer, single-threaded, exact and repeatable.
 
     Parameters
     ----------
     speed : float, optional
-        Clock seconds per second of the wall at the most, to watch a simulation at a human pace.
-        None (the default) is as fast as the computer can.
+        Largest number of seconds of the clock per second of wall time, to watch a simulation at a human pace.
+        None (the default) runs as fast as the computer can.
     """
 
     def __init__(self, speed: float | None = None) -> None:
@@ -197,14 +190,14 @@ class VirtualClock(_Timers):
         return seconds
 
     def next_due(self) -> float | None:
-        """Get the moment of the next timer; None when there is none."""
+        """Get the due time of the next timer; None when there is none."""
         return self._next_due()
 
     def advance_to(self, moment: float) -> None:
         """Move to ``moment`` (or stay, if it has passed), running what falls due on the way.
 
-        May be called from a timer's callback: time then moves inside the outer call, which finds
-        itself later than it meant to be, as a busy computer does.
+        May be called from a timer's callback: time then moves on inside the outer call, which ends later than it
+        meant to, as on a busy computer.
         """
         while (due := self._next_due()) is not None and due <= moment:
             timer = heapq.heappop(self._heap)[2]
@@ -220,7 +213,7 @@ class VirtualClock(_Timers):
         while not condition():
             due = self._next_due()
             if due is None and end == float("inf"):
-                raise RuntimeError("waiting for ever: nothing is due on the virtual clock that could end the wait")
+                raise RuntimeError("endless wait: nothing that could end it is due on the virtual clock")
             if due is None or due > end:
                 self.advance_to(end)
                 return condition()

@@ -1,10 +1,10 @@
-"""The error family of the drivers: what happened, to which device, in which state, what to do."""
+"""The errors of the drivers: what happened, to which device, in which state, and what to do."""
 
 from __future__ import annotations
 
 
 class DeviceError(Exception):
-    """Base of all that can go wrong between the host and a device.
+    """Base class of all failures between the host and a device.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ class DeviceError(Exception):
 
 
 class LinkLost(DeviceError):
-    """The port or the USB device is not there (any more), or may not be opened."""
+    """The port or the USB device is not there, has gone, or may not be opened."""
 
 
 class Timeout(DeviceError):
@@ -32,7 +32,7 @@ class Timeout(DeviceError):
 
 
 class ProtocolError(DeviceError):
-    """The device answered something that its protocol does not allow (bad check sum, wrong form)."""
+    """The device sent an answer that its protocol does not allow (bad check sum, wrong form)."""
 
 
 class Stall(ProtocolError):
@@ -40,7 +40,7 @@ class Stall(ProtocolError):
 
 
 class DeviceFault(DeviceError):
-    """The device answered properly and reports an error or refuses a command.
+    """The device reports an error or refuses a command, in a valid answer.
 
     Parameters
     ----------
@@ -57,15 +57,15 @@ class LimitError(DeviceError, ValueError):
     """A value outside the device's range was asked for; nothing was sent."""
 
 
-def check_range(device: str, quantity: str, value: float, least: float, most: float, unit: str = "") -> float:
-    """Return ``value`` if it lies in the closed range, else refuse it.
+def check_range(device: str, quantity: str, value: float, minimum: float, maximum: float, unit: str = "") -> float:
+    """Return ``value`` if it lies in the closed range from ``minimum`` to ``maximum``.
 
     Raises
     ------
     LimitError
         With the value and the allowed range in the message. NaN and infinities are refused as well.
     """
-    if not least <= value <= most:
+    if not minimum <= value <= maximum:
         u = f" {unit}" if unit else ""
-        raise LimitError(device, f"{quantity} {value:g}{u} is outside {least:g} to {most:g}{u}; nothing was sent")
+        raise LimitError(device, f"{quantity} {value:g}{u} is outside {minimum:g} to {maximum:g}{u}; nothing was sent")
     return float(value)

@@ -1,6 +1,6 @@
-"""The laser pulser: delay generator for the triggers and supply for the drive voltage, as one.
+"""The laser pulser: delay generator for the triggers and supply for the drive voltage, as one device.
 
-On: supply first, triggers when its voltage stands. Off: triggers first. Each step is read back
+On: supply first, triggers once its voltage has settled. Off: triggers first. Each step is read back
 (protocol sheet ``tdk_genesys``, section on the pulser as seen by the software).
 """
 
@@ -33,11 +33,11 @@ class Pulser:
     supply : Genesys
         Gives the drive voltage.
     clock : Clock
-        Time for waiting on the voltage.
+        Time for waiting until the voltage has settled.
     pulse_delay_s, pulse_width_s : float
-        Place and width of the trigger pulse after T0.
+        Delay of the trigger pulse after T0, and its width.
     amplitude_v : float
-        Height of the trigger pulse into 50 ohm.
+        Amplitude of the trigger pulse into 50 ohm.
     rise_limit_s : float
         Time within which the supply must be within 1 % of the drive voltage.
     """
@@ -142,16 +142,16 @@ class Pulser:
         source = self.generator.trigger_source
         rate_hz = self.generator.trigger_rate_hz
         events = self.generator.instrument_status()
-        look = self.supply.look()
+        supply = self.supply.state()
         return PulserStatus(
             triggers_on=source is not TriggerSource.SINGLE_SHOT,
-            output_on=bool(look.status & (Status.CONSTANT_VOLTAGE | Status.CONSTANT_CURRENT)),
-            interlock_closed=not look.fault & Fault.INTERLOCK,
+            output_on=bool(supply.status & (Status.CONSTANT_VOLTAGE | Status.CONSTANT_CURRENT)),
+            interlock_closed=not supply.fault & Fault.INTERLOCK,
             prf_hz=rate_hz,
-            drive_v=look.voltage_v,
-            measured_v=look.measured_v,
-            measured_a=look.measured_a,
-            problem="; ".join(_problems(events, look.fault)),
+            drive_v=supply.voltage_v,
+            measured_v=supply.measured_v,
+            measured_a=supply.measured_a,
+            problem="; ".join(_problems(events, supply.fault)),
         )
 
     def _wait_for_voltage(self) -> None:

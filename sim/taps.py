@@ -160,8 +160,8 @@ class SignalTap:
             done = change(done)
         sums = self._source.acquire(done)
         self._clipped = self._source.clipped
-        for spoil in self.after:
-            sums = spoil(sums, wanted)
+        for corrupt in self.after:
+            sums = corrupt(sums, wanted)
             self._clipped = self._clipped or bool((sums == 255 * wanted.sweeps).any())
         return sums
 

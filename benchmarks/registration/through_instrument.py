@@ -38,7 +38,7 @@ from picoradar.sim.physics import (  # noqa: E402
     SOCKET_CENTRE_MM,
     Scene,
     Target,
-    clutter,
+    add_tissue,
     dress,
     hip,
 )
@@ -81,7 +81,7 @@ class Operation:
 
     def __call__(self, bench: SimulatedBench) -> tuple[np.ndarray, np.ndarray]:
         """Put the bone before the scanner; return the bare model."""
-        bench.target = clutter(self._dressed, self.centre, TISSUE_SHARE, self._rng)
+        bench.target = add_tissue(self._dressed, self.centre, TISSUE_SHARE, self._rng)
         bench.scene = Scene(bench.target, inverse(self._model_from_scanner))
         bench.optics.look_at(bench.scene)
         return self.vertices, self.faces

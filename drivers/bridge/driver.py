@@ -1,57 +1,44 @@
 """Sampling bridge: takes records shot by shot, and owns the gate in the laser's trigger line.
 
-The device half; the wire half is in `picoradar.drivers.bridge.sbp`.
+The wire format is in `picoradar.drivers.bridge.sbp`.
 Source: protocol sheet ``sampling_bridge.md`` (SBP 1.0 and 1.1).
 """
 
 from __future__ import annotations
 
 import contextlib
-import struct
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
 from picoradar.drivers.bridge import sbp
-from picoradar.drivers.bridge.requests import BridgeRequests, gate_name, sampler_status
+from picoradar.drivers.bridge.gate import WATCHDOG_MS, TriggerGate
 from picoradar.drivers.bridge.runs import Run, RunReader
-from picoradar.drivers.bridge.sbp import ConfigFlag, Configuration, Gate, Request, StatusFlag, Window
+from picoradar.drivers.bridge.sbp import ConfigFlag, Configuration, Request, Window
 from picoradar.drivers.bridge.sbp.limits import check_table
 from picoradar.drivers.bridge.sbp.settings import sweep_configuration, window_configuration
 from picoradar.drivers.clock import Clock
 from picoradar.drivers.errors import DeviceError, DeviceFault, LimitError, ProtocolError
-from picoradar.drivers.interfaces import Identity, Record, SamplerStatus, SweepSettings, WindowRecord
-from picoradar.drivers.links import UsbLink
+from picoradar.drivers.interfaces import Identity, Record, SweepSettings, WindowRecord
+from picoradar.drivers.links import UsbIdentity, UsbLink
 
-WATCHDOG_MS = 1000
 RETRIES = 2
 
 
-def bridge_link(clock: Clock, *, serial_number: str | None = None, backend: Any = None) -> UsbLink:
-    """Make the link to a sampling bridge; a serial number tells several apart."""
-    return UsbLink(
-        sbp.VENDOR_ID,
-        sbp.PRODUCT_ID,
-        clock,
-        device="sampling bridge",
-        serial_number=serial_number,
-        interface_class=sbp.INTERFACE_CLASS,
-        backend=backend,
-    )
+def bridge_link(clock: Clock, *, serial_number: str | None = None, backend: object | None = None) -> UsbLink:
+    """Make the link to a sampling bridge; where there are several, give a serial number."""
+    identity = UsbIdentity(sbp.VENDOR_ID, sbp.PRODUCT_ID, serial_number, sbp.INTERFACE_CLASS)
+    return UsbLink(identity, clock, device="sampling bridge", backend=backend)
 
 
-class SamplingBridge:
+class SamplingBridge(TriggerGate):
     """Sequential sampling receiver with trigger gate and host watchdog.
-
-    The watchdog closes the gate when `heartbeat` is not called within its time (1 s): the controller calls
-    it every quarter of that from a timer of the clock, which runs while this driver waits.
 
     Parameters
     ----------
     link : UsbLink
         From `bridge_link`.
     retries : int
-        How often a spoiled run is taken again before `ProtocolError` is raised.
+        How often a corrupted run is taken again before `ProtocolError` is raised.
 
     Attributes
     ----------
@@ -60,15 +47,12 @@ class SamplingBridge:
     """
 
     def __init__(self, link: UsbLink, *, retries: int = RETRIES) -> None:
-        self.link = link
+        super().__init__(link)
         self.retries = retries
         self.info = sbp.Info(0, 0, 0, "", "", sbp.Feature(0))
         self.caps = sbp.Caps()
-        self._requests = BridgeRequests(link)
         self._runs = RunReader(self._requests, self.caps, retries)
-        self._watchdog_ms = WATCHDOG_MS
         self._configuration: Configuration | None = None
-        self._counter = 0
 
     # Device
 
@@ -107,7 +91,7 @@ class SamplingBridge:
         return self.caps.nv_per_code * 1e-6
 
     def close(self) -> None:
-        """Close the gate, end the run, release the device; both orders are tried even if one fails."""
+        """Close the gate, end the run and release the device; both requests are sent even if one fails."""
         if self.link.is_open:
             with contextlib.suppress(DeviceError):  # without a host the device's own watchdog closes the gate
                 self.link.control_out(Request.LASER, 0)
@@ -122,80 +106,28 @@ class SamplingBridge:
 
     @property
     def retried(self) -> int:
-        """Get how many runs were taken again since opening."""
+        """Get the number of runs that were taken again since opening."""
         return self._runs.retried
 
     @property
     def supports_windows(self) -> bool:
-        """Get whether the device takes records in windows (SBP 1.1)."""
+        """Get whether the device can take records in windows (SBP 1.1)."""
         return bool(self.info.features & sbp.Feature.WINDOWS)
-
-    @property
-    def watchdog_s(self) -> float:
-        """Get the time limit of the watchdog (s): 1 s of the wall, as far as the device allows."""
-        return self._watchdog_ms / 1000
-
-    # Gate and watchdog
-
-    def gate_on(self) -> None:
-        """Open the way for triggers to the laser; needs a heartbeat within the last second. Read back.
-
-        Raises
-        ------
-        DeviceFault
-            With the device's reason: interlock open, not configured, locked out, no heartbeat.
-        """
-        self._requests.order(Request.LASER, 1, sbp.LASER_KEY)
-        if (gate := self._requests.status().gate) is not Gate.ON:
-            raise DeviceFault(self.link.device, f"gate is {gate_name(gate)} after it was switched on")
-
-    def gate_off(self) -> None:
-        """Close the way for triggers to the laser, in every state of the device. Read back."""
-        self._requests.order(Request.LASER, 0)
-        if self._requests.status().gate is Gate.ON:
-            raise DeviceFault(self.link.device, "gate is still on after it was switched off", "cut the interlock chain")
-
-    def clear_lockout(self) -> None:
-        """Feed the watchdog and end a lock-out after watchdog or interlock; the gate stays closed.
-
-        Raises
-        ------
-        DeviceFault
-            When the interlock is still open.
-        """
-        self.heartbeat()
-        self._requests.order(Request.LASER, 2, sbp.LASER_KEY)
-
-    def heartbeat(self) -> None:
-        """Feed the device's watchdog once."""
-        self._counter = (self._counter + 1) & 0xFFFFFFFF
-        self._requests.order(Request.HEARTBEAT, 0, struct.pack("<I", self._counter))
-
-    def status(self) -> SamplerStatus:
-        """Measure the present state; reads the device's error queue when something is in it."""
-        status = self._requests.status()
-        if status.flags & StatusFlag.ERROR_QUEUED:
-            self._requests.noted.extend(self._requests.errors())
-        problems = [str(entry) for entry in self._requests.noted]
-        self._requests.noted.clear()
-        if status.flags & StatusFlag.WATCHDOG_TRIPPED and not problems:
-            problems = ["watchdog has tripped"]
-        return sampler_status(status, "; ".join(problems))
 
     # Records
 
     def configure(self, sweep: SweepSettings) -> None:
-        """Set how records are taken: external trigger, sums in 16 bits. Read back.
+        """Take records in whole sweeps: external trigger, sums in 16 bits. Read back.
 
         Raises
         ------
         LimitError
-            When a value is outside the limits that the device has told; nothing was sent.
+            When a value is outside the limits that the device has reported; nothing was sent.
         """
         self._configure(sweep_configuration(self.link.device, sweep, self.caps))
 
     def configure_windows(self, *, prf_hz: float, settle_shots: int, on_advance: bool = False) -> None:
-        """Set that records are taken in windows (SBP 1.1), each at an edge of the advance input if asked. Read back.
+        """Take records in windows (SBP 1.1), with ``on_advance`` each at an edge of the advance input. Read back.
 
         Raises
         ------
@@ -204,7 +136,10 @@ class SamplingBridge:
         """
         if not self.supports_windows:
             raise LimitError(self.link.device, "takes whole sweeps only (SBP 1.0)", "scan in mode sweep")
-        self._configure(window_configuration(self.link.device, prf_hz, settle_shots, on_advance, self.caps))
+        configuration = window_configuration(
+            self.link.device, self.caps, prf_hz=prf_hz, settle_shots=settle_shots, on_advance=on_advance
+        )
+        self._configure(configuration)
 
     def take(self, run_id: int, records: int = 1) -> list[Record]:
         """Take that many records in one run.
@@ -219,7 +154,7 @@ class SamplingBridge:
         DeviceFault
             When the device is not configured for sweeps, has no triggers, or is in fault.
         ProtocolError
-            When data were lost or damaged, and again at each retry.
+            When data were lost or corrupted, and again at each retry.
         Timeout
             When the device does not deliver although it should.
         """
@@ -234,16 +169,16 @@ class SamplingBridge:
     def take_windows(
         self, run_id: int, table: Sequence[Sequence[Window]], *, begin: Callable[[], None] | None = None
     ) -> Iterator[WindowRecord]:
-        """Take one record for each row of a window table in one run, and give them as they come.
+        """Take one record for each row of a window table in one run, and yield them as they come.
 
         Parameters
         ----------
         run_id : int
         table : sequence of sequences of Window
-            The windows of each record, equally many in all.
+            The windows of each record; the same number in every record.
         begin : callable, optional
             Called once the run waits for its first record, and again at each retry: starts the galvo path whose
-            marks are wired to the advance input.
+            markers are wired to the advance input.
 
         Raises
         ------
@@ -266,7 +201,7 @@ class SamplingBridge:
         LimitError
             When it is outside the device's limits; nothing was sent.
         DeviceFault
-            When the device refuses it, for instance inside a record.
+            When the device refuses it, for instance during a record.
         """
         prf_hz = self._configuration.prf_hz if self._configuration is not None else self.caps.prf_max_hz
         check_table(self.link.device, table, prf_hz, self.caps)

@@ -28,7 +28,7 @@ class BridgeRequests:
     Attributes
     ----------
     noted : deque of ErrorEntry
-        Errors that no request of ours caused, read from the device and not yet told to anybody.
+        Errors that no request caused, read from the device and not yet reported.
     """
 
     def __init__(self, link: UsbLink) -> None:
@@ -53,7 +53,7 @@ class BridgeRequests:
             raise ProtocolError(self.link.device, f"answer to {request.name}: {error}") from error
 
     def order(self, request: Request, value: int, data: bytes = b"") -> None:
-        """Send a request that changes something.
+        """Send a request that changes the state of the device.
 
         Raises
         ------
@@ -70,13 +70,13 @@ class BridgeRequests:
                 else:
                     self.noted.append(entry)
             if reason is None:
-                raise DeviceFault(self.link.device, f"refused {request.name} and gives no reason") from stall
+                raise DeviceFault(self.link.device, f"refused {request.name} without a reason") from stall
             raise DeviceFault(self.link.device, f"refused {request.name}: {reason}", code=reason.code) from stall
 
     def errors(self) -> list[ErrorEntry]:
         """Read the error queue empty."""
         entries: list[ErrorEntry] = []
-        for _ in range(64):  # the queue is 16 deep; a device that never runs dry is left alone
+        for _ in range(64):  # the queue is 16 deep; do not wait for a device that keeps reporting errors
             entry = self.block(Request.GET_ERROR, 8, ErrorEntry.decode)
             if entry.code == ErrorCode.OK:
                 break
@@ -85,12 +85,12 @@ class BridgeRequests:
 
 
 def gate_name(gate: Gate) -> str:
-    """Get the state of the gate as the controller names it."""
+    """Get the controller's name for a state of the gate."""
     return _GATES[gate]
 
 
 def sampler_status(status: Status, problem: str) -> SamplerStatus:
-    """Get what the controller is told of a status block."""
+    """Make the status for the controller from a status block."""
     return SamplerStatus(
         state=status.state.name.lower(),
         gate=gate_name(status.gate),

@@ -24,28 +24,28 @@ from picoradar.drivers.bridge.sbp import (
     Window,
     encode_windows,
 )
-from picoradar.drivers.bridge.sbp.records import RecordAssembler, SpoiledRun
+from picoradar.drivers.bridge.sbp.records import CorruptedRun, RecordAssembler
 from picoradar.drivers.errors import DeviceError, DeviceFault, ProtocolError, Stall, Timeout
 from picoradar.drivers.interfaces import WindowRecord
 
-QUIET_S = 0.5  # a run is late when nothing comes within 3 records and this
+QUIET_S = 0.5  # a run is late when nothing comes for the time of 3 records plus this
 PACKET = 512
 
 
 @dataclass(frozen=True)
 class Run:
-    """What one run takes.
+    """What one run is to take.
 
     Attributes
     ----------
     run_id : int
     table : sequence of sequences of Window
-        Windows of each record; the last entry holds for all further records.
+        Windows of each record; the last row applies to all further records.
     records : int
     configuration : Configuration
-        In force in the device.
+        As set in the device.
     config_crc : int
-        Its check sum, which every frame names.
+        Its check sum, which every frame carries.
     begin : callable, optional
         Called once the run has been started, at each attempt.
     """
@@ -59,14 +59,14 @@ class Run:
 
     @property
     def limit_s(self) -> float:
-        """Get how long nothing may come before the run is late (rule 6)."""
+        """Get how long the host waits for data before the run is late (rule 6)."""
         settle = self.configuration.settle_shots
         shots = max(sum(w.sweeps * (settle + w.samples) for w in row) for row in self.table)
         return 3 * shots / self.configuration.prf_hz + QUIET_S
 
 
 class RunReader:
-    """Takes runs, and takes a spoiled one again under the same run id.
+    """Takes runs; a corrupted one is taken again under the same run id.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class RunReader:
         self._caps = caps
         self._retries = retries
         self._parser = FrameParser(caps.payload_max)
-        # One packet more than the longest frame, so that a zero-length packet at its end is taken with it.
+        # One packet more than the longest frame, so that a zero-length packet at its end is read with it.
         self._read_size = ((caps.header_length + caps.payload_max + 4) // PACKET + 1) * PACKET
 
     def stop(self) -> None:
@@ -97,12 +97,12 @@ class RunReader:
         self._parser.clear()
 
     def take(self, run: Run) -> Iterator[WindowRecord]:
-        """Give the records of a run as they come; those given before a retry are not given twice.
+        """Yield the records of a run as they come; a retry does not yield the same record twice.
 
         Raises
         ------
         ProtocolError
-            When the run was spoiled at each attempt.
+            When the run was corrupted at each attempt.
         DeviceFault, Timeout
             When no data come; the run is ended.
         """
@@ -114,17 +114,17 @@ class RunReader:
                         given += 1
                         yield record
                 return
-            except SpoiledRun as spoiled:
+            except CorruptedRun as corrupted:
                 self.stop()
                 if not left:
                     raise ProtocolError(
                         self._link.device,
-                        f"run {run.run_id} was spoiled {self._retries + 1} times, last: {spoiled}",
+                        f"run {run.run_id} was corrupted {self._retries + 1} times, last: {corrupted}",
                         "check the USB cable and the load of this computer",
-                    ) from spoiled
+                    ) from corrupted
                 self.retried += 1
             except (DeviceFault, Timeout, GeneratorExit):
-                with contextlib.suppress(DeviceError):  # the first error is the one to tell
+                with contextlib.suppress(DeviceError):  # the first error is the one that matters
                     self.stop()
                 raise
 
@@ -145,8 +145,8 @@ class RunReader:
                     done += 1
                     yield record
             if self._parser.damaged > damaged and done < run.records:
-                raise SpoiledRun("a frame came damaged")
-        if windows:  # such a run has no number of records: it would wait for another table
+                raise CorruptedRun("a frame was corrupted")
+        if windows:  # such a run has no end of its own: it would wait for another table
             self._requests.order(Request.STOP, 1)
 
     def _read(self, limit_s: float) -> bytes:
@@ -154,15 +154,15 @@ class RunReader:
             return self._link.read(EP_DATA, self._read_size, timeout_s=limit_s)
         except Stall as stall:
             self._link.clear_halt(EP_DATA)
-            raise SpoiledRun("the data endpoint stalled") from stall
+            raise CorruptedRun("the data endpoint stalled") from stall
         except ProtocolError as odd:  # for instance more bytes than the longest frame has
-            raise SpoiledRun(odd.what) from odd
+            raise CorruptedRun(odd.what) from odd
         except Timeout as late:
             self._explain(late, limit_s)
             raise
 
     def _explain(self, late: Timeout, limit_s: float) -> None:
-        """Ask the device why no data came, and raise what fits."""
+        """Ask the device why no data came, and raise the fitting error."""
         status = self._requests.status()
         device = self._link.device
         if status.state is State.FAULT or status.flags & StatusFlag.WATCHDOG_TRIPPED:
@@ -175,4 +175,4 @@ class RunReader:
             code = int(ErrorCode.TRIGGER_LOST)
             raise DeviceFault(device, f"no triggers came within {limit_s:.1f} s", remedy, code=code) from late
         if status.state is State.IDLE:
-            raise SpoiledRun(f"the run has ended and {status.frames_lost} frames were lost") from late
+            raise CorruptedRun(f"the run has ended and {status.frames_lost} frames were lost") from late

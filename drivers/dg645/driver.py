@@ -1,8 +1,8 @@
 """SRS DG645 digital delay generator: PRF, trigger on and off, delays (protocol sheet ``dg645``).
 
-The properties read like the command table. Every setting is followed by ``LERR?``, so a refusal is known
-where it happens. The instrument has no watchdog: a lost host is covered by the interlock chain and by
-the gate of the sampling bridge.
+The properties follow the command table. Every setting is followed by ``LERR?``, so that a refusal is reported where it
+happens. The instrument has no watchdog: the interlock chain and the gate of the sampling bridge protect against a host
+that is lost.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from picoradar.drivers.interfaces import Identity
 from picoradar.drivers.links import Control, Reading
 from picoradar.drivers.links.retry import retry
 
-BAUD = 9600
 LONGEST_DELAY_S = 2000.0
+OPENING_QUIET_S = 0.05  # silence after which the line counts as drained
 
 
 class DG645(Dg645Session):
@@ -107,28 +107,11 @@ class DG645(Dg645Session):
         DeviceFault
             When the triggers cannot be verified off.
         """
-        self.link.open()
-        self.link.write(encode(""))
-        self.link.drain(quiet_s=0.05)
-        self._in_step = True
+        self._open_line(encode(""), quiet_s=OPENING_QUIET_S)
         self.identify()
         self.link.write(encode("*CLS"))
         self.errors()
         self.stop_triggers()
-
-    def close(self) -> None:
-        """Stop the triggers and close the line; harmless when it is closed or has vanished.
-
-        Raises
-        ------
-        DeviceError
-            When the triggers could not be verified off; the line is closed all the same.
-        """
-        try:
-            if self.link.is_open:
-                self.stop_triggers()
-        finally:
-            self.link.close()
 
     def identify(self) -> Identity:
         """Get model, serial number and firmware.
@@ -184,7 +167,7 @@ class DG645(Dg645Session):
 
     def linked_to(self, channel: Channel) -> Channel:
         """Get the channel that the delay of ``channel`` counts from."""
-        return Channel(self.integer(f"LINK?{channel:d}", least=0, most=9))
+        return Channel(self.integer(f"LINK?{channel:d}", minimum=0, maximum=9))
 
     def set_step(self, channel: Channel, step_s: float) -> None:
         """Control the step size of a channel in s (float from 0 to 2000)."""
@@ -205,15 +188,15 @@ class DG645(Dg645Session):
 
     def instrument_status(self) -> InstrumentStatus:
         """Get the instrument status register; reading clears it."""
-        return InstrumentStatus(self.integer("INSR?", least=0, most=255))
+        return InstrumentStatus(self.integer("INSR?", minimum=0, maximum=255))
 
     def self_test(self) -> int:
         """Get the result of the self test: 0 or an error code."""
-        return self.integer("*TST?", least=0, most=254)
+        return self.integer("*TST?", minimum=0, maximum=254)
 
     def calibrate(self) -> int:
         """Get the result of a self calibration: 0 or an error code."""
-        return self.integer("*CAL?", least=0, most=254)
+        return self.integer("*CAL?", minimum=0, maximum=254)
 
     def show(self, item: int, channel: Channel) -> None:
         """Choose what the front panel displays (``DISP``)."""
@@ -237,8 +220,11 @@ class DG645(Dg645Session):
         """Restore the defaults (``*RST``) and stop the triggers."""
         self.configure("*RST", "TSRC 5")
 
+    def _make_safe(self) -> None:
+        self.stop_triggers()
+
     def _switch(self, source: TriggerSource) -> None:
-        """Set the source and read it back; again if a reply is lost, for the state is what counts."""
+        """Set the source and read it back; both again if a reply is lost, which does no harm."""
         found = retry(TRIES, lambda: self._set_source(source))
         if found is not source:
             what = f"trigger source is {found.name} after it was set to {source.name}"

@@ -46,9 +46,9 @@ class OutputPort:
     )
 
     def get_number(self, key: str) -> float:
-        """Ask for the number behind a mnemonic."""
+        """Query the number of a mnemonic."""
         return self.session.number(f"{key}?{self.output:d}")
 
     def set_number(self, key: str, value: float) -> None:
-        """Set the number behind a mnemonic; checked by ``LERR?``."""
+        """Set the number of a mnemonic; checked by ``LERR?``."""
         self.session.configure(f"{key} {self.output:d},{format_number(value)}")

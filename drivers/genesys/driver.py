@@ -1,18 +1,15 @@
 """TDK-Lambda Genesys programmable DC supply: drive voltage of the laser pulser (protocol sheet ``tdk_genesys``).
 
-Every message gets one reply, and a refusal is that reply. Messages that the supply sends by itself (``!nn``)
-are sorted out and counted. The supply has no watchdog: a lost host is covered by its ENA terminals.
+The supply has no watchdog: the interlock at its ENA terminals protects against a host that is lost.
 """
 
 from __future__ import annotations
 
 from picoradar.drivers.errors import DeviceFault, ProtocolError
-from picoradar.drivers.genesys.session import LATE_S, GenesysSession
-from picoradar.drivers.genesys.wire import END, Fault, Filter, Look, Remote, Status, parse_look, parse_rating
+from picoradar.drivers.genesys.session import GenesysSession
+from picoradar.drivers.genesys.wire import END, Fault, Filter, Remote, Status, SupplyState, parse_rating, parse_state
 from picoradar.drivers.interfaces import Identity
 from picoradar.drivers.links import Control, Reading, SerialLink
-
-BAUD = 9600
 
 
 class Genesys(GenesysSession):
@@ -33,8 +30,8 @@ class Genesys(GenesysSession):
         Rating, known after `open` from the model name.
     """
 
-    def __init__(self, link: SerialLink, address: int = 6, checksum: bool = False) -> None:
-        super().__init__(link, address, checksum)
+    def __init__(self, link: SerialLink, address: int = 6, *, checksum: bool = False) -> None:
+        super().__init__(link, address, checksum=checksum)
         self.rated_v = 600.0
         self.rated_a = 1.3
 
@@ -62,7 +59,7 @@ class Genesys(GenesysSession):
     undervoltage_v: Control[str, float] = Control(
         "UVL",
         float,
-        "Control the least voltage set point in V (float from 0 to 0.95 x rating).",
+        "Control the minimum voltage set point in V (float from 0 to 0.95 x rating).",
         limits=lambda supply: (0.0, 0.95 * supply.rated_v),
         unit="V",
     )
@@ -77,7 +74,7 @@ class Genesys(GenesysSession):
     auto_start = Control(
         "AST",
         bool,
-        "Control whether the output comes back by itself after mains return (bool; False on this bench).",
+        "Control whether the output comes back by itself after a mains failure (bool; False on this bench).",
         limits=(0, 1),
     )
     foldback = Control("FLD", bool, "Control whether constant current shuts the output down (bool).", limits=(0, 1))
@@ -118,20 +115,20 @@ class Genesys(GenesysSession):
         return Status(self.get_register("SEVE"))
 
     def enable_events(self, faults: Fault, status: Status) -> None:
-        """Control which bits make an event and an unsolicited message."""
+        """Control which bits cause an event and an unsolicited message."""
         self.command(f"FENA {faults:02X}")
         self.command(f"SENA {status:02X}")
 
-    def look(self) -> Look:
+    def state(self) -> SupplyState:
         """Measure set points, output and both registers in one exchange (``STT?``)."""
         text = self.query("STT?")
         try:
-            return parse_look(text)
+            return parse_state(text)
         except ValueError as error:
             raise ProtocolError(self.device, str(error)) from error
 
     def open(self) -> None:
-        """Open the line, choose the unit, take remote control, and switch output and auto-start off.
+        """Open the line, select the unit, take remote control, and switch output and auto-start off.
 
         Raises
         ------
@@ -142,32 +139,13 @@ class Genesys(GenesysSession):
         DeviceFault
             When the output cannot be verified off.
         """
-        self.link.open()
         self.unsolicited = 0
-        self.link.write(END)  # ends a half message that an earlier program may have left
-        self.link.drain(quiet_s=LATE_S)
-        self._in_step = True
+        self._open_line(END)
         self.command(f"ADR {self.address}")
         self.rated_v, self.rated_a = self._rating(self.query("IDN?"))
         self.remote = Remote.REM
         self.auto_start = False
         self.switch(on=False)
-
-    def close(self) -> None:
-        """Switch the output off, set 0 V and close the line; harmless when it is closed or has vanished.
-
-        Raises
-        ------
-        DeviceError
-            When the output could not be verified off; the line is closed all the same.
-        """
-        try:
-            if self.link.is_open:
-                self.switch(on=False)
-                self.undervoltage_v = 0.0
-                self.voltage_v = 0.0
-        finally:
-            self.link.close()
 
     def identify(self) -> Identity:
         """Get model, serial number and firmware."""
@@ -191,7 +169,7 @@ class Genesys(GenesysSession):
     def protect(self, *, overvoltage_v: float, undervoltage_v: float, current_a: float) -> None:
         """Set the limits, with the set point as low as they allow, and read them back.
 
-        The set point goes down first, because the supply refuses limits that contradict it.
+        The set point is lowered first, because the supply refuses limits that contradict it.
 
         Raises
         ------
@@ -235,6 +213,11 @@ class Genesys(GenesysSession):
     def reset(self) -> None:
         """Go to 0 V, 0 A, output and auto-start off, highest over-voltage trip, foldback off (``RST``)."""
         self.command("RST")
+
+    def _make_safe(self) -> None:
+        self.switch(on=False)
+        self.undervoltage_v = 0.0
+        self.voltage_v = 0.0
 
     def _rating(self, model: str) -> tuple[float, float]:
         try:

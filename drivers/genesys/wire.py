@@ -70,8 +70,8 @@ class Remote(IntEnum):
 
 
 @dataclass(frozen=True)
-class Look:
-    """One reply to ``STT?``: set points, measured values, and both registers."""
+class SupplyState:
+    """One reply to ``STT?``: set points, measured values and both registers."""
 
     measured_v: float
     voltage_v: float
@@ -123,7 +123,7 @@ def format_number(value: float) -> str:
     return f"{value:.6f}".rstrip("0").rstrip(".")
 
 
-def parse_look(text: str) -> Look:
+def parse_state(text: str) -> SupplyState:
     """Read the reply to ``STT?``.
 
     Raises
@@ -135,7 +135,9 @@ def parse_look(text: str) -> Look:
     if match is None:
         raise ValueError(f"{text!r} is no reply to STT?")
     measured_v, voltage_v, measured_a, current_a = (float(part) for part in match.groups()[:4])
-    return Look(measured_v, voltage_v, measured_a, current_a, Status(int(match[5], 16)), Fault(int(match[6], 16)))
+    return SupplyState(
+        measured_v, voltage_v, measured_a, current_a, Status(int(match[5], 16)), Fault(int(match[6], 16))
+    )
 
 
 def parse_rating(model: str) -> tuple[float, float]:
@@ -144,9 +146,9 @@ def parse_rating(model: str) -> tuple[float, float]:
     Raises
     ------
     ValueError
-        When the name does not tell them.
+        When they are not in the name.
     """
     match = _MODEL.search(model)
     if match is None:
-        raise ValueError(f"{model!r} does not tell a rating")
+        raise ValueError(f"{model!r} contains no rating")
     return float(match[1]), float(match[2])

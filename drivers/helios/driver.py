@@ -1,12 +1,11 @@
 """Helios laser DAC: two analogue outputs for the galvo amplifier, over USB.
 
-The device half; bytes are made in `picoradar.drivers.helios.wire`. Source: protocol sheet ``helios_dac.md``.
+The bytes are made in `picoradar.drivers.helios.wire`. Source: protocol sheet ``helios_dac.md``.
 """
 
 from __future__ import annotations
 
 import contextlib
-from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -15,7 +14,7 @@ from picoradar.drivers.errors import DeviceError, DeviceFault, LimitError, Proto
 from picoradar.drivers.helios import wire
 from picoradar.drivers.helios.wire import Answer, Command
 from picoradar.drivers.interfaces import Identity
-from picoradar.drivers.links import UsbLink
+from picoradar.drivers.links import UsbIdentity, UsbLink
 
 WAKE_S = 0.1  # after alternate setting 1, before the first command
 STOP_S = 0.1  # after a stop the device ignores frames for this long
@@ -28,15 +27,16 @@ FRAME_BYTES_PER_S = 32_000.0
 BUSY_LIMIT_S = 1.0  # longest wait for a free buffer
 
 
-def helios_link(clock: Clock, backend: Any = None) -> UsbLink:
-    """Make the link to a Helios DAC; it has no serial number, several are told apart by name only."""
-    return UsbLink(wire.VENDOR_ID, wire.PRODUCT_ID, clock, device="Helios DAC", alternate=1, backend=backend)
+def helios_link(clock: Clock, backend: object | None = None) -> UsbLink:
+    """Make the link to a Helios DAC; it has no serial number, only a name tells several apart."""
+    identity = UsbIdentity(wire.VENDOR_ID, wire.PRODUCT_ID)
+    return UsbLink(identity, clock, device="Helios DAC", alternate=1, backend=backend)
 
 
 class Helios:
     """Galvo controller of 12 bits, moved by frames that are played once.
 
-    A frame that repeats would go on when the host is lost; none is ever sent.
+    A repeating frame would play on when the host is lost; none is ever sent.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Helios:
         return wire.CODES
 
     def open(self) -> None:
-        """Open the link in the order of the maker's SDK, and stop what may be playing.
+        """Open the link in the order of the maker's SDK, and stop whatever may be playing.
 
         Raises
         ------
@@ -89,10 +89,10 @@ class Helios:
     def close(self) -> None:
         """Stop, close the shutter and release the device, as far as the link allows."""
         if self.link.is_open:
-            with contextlib.suppress(DeviceError):  # a lost device cannot be stopped from here; its link is given up
+            with contextlib.suppress(DeviceError):  # a lost device cannot be stopped from here
                 self.stop()
             with contextlib.suppress(DeviceError):
-                self.shutter(False)
+                self.shutter(opened=False)
         self.link.close()
 
     def identify(self) -> Identity:
@@ -119,18 +119,18 @@ class Helios:
             raise DeviceFault(self.link.device, f"name read back as {found!r} after setting {name!r}")
 
     def ready(self) -> bool:
-        """Get whether the controller answers and has a buffer free for the next place."""
+        """Get whether the controller answers and has a buffer free for the next position."""
         return self._ask(Command.STATUS, Answer.STATUS, 2, STATUS_S)[1] != 0
 
     def move(self, x_code: int, y_code: int) -> None:
-        """Send the beam to a place (integer codes from 0 to 4095 for each axis).
+        """Send the beam to a position (integer codes from 0 to 4095 for each axis).
 
         Raises
         ------
         LimitError
             When a code is out of range; nothing was sent.
         Timeout
-            When the controller does not get ready within 1 s.
+            When the controller has no free buffer within 1 s.
         """
         check_range(self.link.device, "x code", x_code, 0, wire.CODES - 1)
         check_range(self.link.device, "y code", y_code, 0, wire.CODES - 1)
@@ -173,10 +173,10 @@ class Helios:
         self._send(Command.STOP)
         self._deaf_until = self.link.clock.now() + STOP_S
 
-    def shutter(self, open_it: bool) -> None:
-        """Control the shutter line (True opens it); the device has no read-back of it."""
-        self._send(Command.SHUTTER, int(open_it))
-        self._shutter_open = open_it
+    def shutter(self, *, opened: bool) -> None:
+        """Control the shutter line; the device cannot read it back."""
+        self._send(Command.SHUTTER, int(opened))
+        self._shutter_open = opened
 
     def _play(self, frame: wire.GalvoFrame) -> None:
         clock = self.link.clock
@@ -185,11 +185,11 @@ class Helios:
         while not self.ready():
             if clock.now() >= end:
                 raise Timeout(
-                    self.link.device, f"no free buffer within {BUSY_LIMIT_S:g} s", "stop it, or power it anew"
+                    self.link.device, f"no free buffer within {BUSY_LIMIT_S:g} s", "stop it, or switch it off and on"
                 )
             clock.sleep(POLL_S)
         if not self._shutter_open:
-            self.shutter(True)
+            self.shutter(opened=True)
         data = wire.encode_frame(frame)
         self.link.write(wire.EP_FRAME, data, timeout_s=FRAME_TIMEOUT_S + len(data) / FRAME_BYTES_PER_S)
 
@@ -214,7 +214,7 @@ class Helios:
         return data
 
     def _answer(self, answer: Answer, timeout_s: float) -> bytes:
-        """Read until the answer of this kind comes; answers to earlier queries are dropped."""
+        """Read until an answer of this kind comes; answers to earlier queries are dropped."""
         end = self.link.clock.now() + timeout_s
         while True:
             left_s = max(0.0, end - self.link.clock.now())
@@ -223,8 +223,8 @@ class Helios:
                 return data
 
     def _flush(self) -> None:
-        """Read answers of earlier queries until none comes."""
-        for _ in range(64):  # no unit has more than a few; one that never ends is refused by the query that follows
+        """Read answers to earlier queries until none comes."""
+        for _ in range(64):  # a unit holds a few at most; if they never end, the query that follows fails
             try:
                 self.link.read(wire.EP_ANSWER, wire.ANSWER_SIZE, timeout_s=FLUSH_S)
             except Timeout:

@@ -1,4 +1,4 @@
-"""Helios laser DAC, wire half: commands, answers and frames as pure data.
+"""Helios laser DAC at the wire: commands, answers and frames as pure data.
 
 Source: protocol sheet ``helios_dac.md`` (SDK version 11, firmware version 6).
 """
@@ -32,8 +32,8 @@ SDK_VERSION = 11
 class Command(IntEnum):
     """Commands of the interrupt endpoint.
 
-    These are all that can be sent: the command that erases the firmware is not among them, and
-    `encode_command` takes nothing else.
+    These are all that can be sent: the command that erases the firmware is missing on purpose, and
+    `encode_command` accepts nothing else.
     """
 
     STOP = 0x01
@@ -106,7 +106,7 @@ def encode_name(name: str) -> bytes:
 
 
 def decode_name(text: bytes) -> str:
-    """Get the name from its bytes; those after the NUL have no meaning."""
+    """Get the name from its bytes, up to the NUL."""
     return text.split(b"\0", 1)[0].decode("ascii", "replace")
 
 
@@ -144,7 +144,7 @@ def decode_frame(data: bytes) -> GalvoFrame | None:
 
 
 def point_frame(x_code: int, y_code: int, *, points: int = 10, rate_hz: int = 20_000) -> GalvoFrame:
-    """Make the frame that sends the beam to one place: identical dark points, played once."""
+    """Make the frame that sends the beam to one position: identical dark points, played once."""
     xy = np.tile(np.array([x_code, y_code], np.uint16), (points, 1))
     return GalvoFrame(xy, np.zeros((points, 4), np.uint8), rate_hz, FrameFlag.PLAY_ONCE)
 
@@ -152,7 +152,7 @@ def point_frame(x_code: int, y_code: int, *, points: int = 10, rate_hz: int = 20
 def path_frame(xy: ArrayLike, marked: ArrayLike, rate_hz: int) -> GalvoFrame:
     """Make a frame that is played once along a path and raises the marker line at some of its points.
 
-    Where the packet trap would cost a point and change the rate, the last point is doubled instead.
+    Where the frame would be a whole number of packets long (see `encode_frame`), its last point is doubled.
 
     Parameters
     ----------
@@ -183,35 +183,3 @@ def path_frame(xy: ArrayLike, marked: ArrayLike, rate_hz: int) -> GalvoFrame:
     colours = np.zeros((len(codes), 4), np.uint8)
     colours[:, 2] = np.where(marks, 255, 0)
     return GalvoFrame(codes.astype(np.uint16), colours, rate_hz, FrameFlag.PLAY_ONCE)
-
-
-def stepped_path(
-    places: ArrayLike, *, settle_points: int, hold_points: int
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Make the path that stops at each place: settle, one marked point, hold.
-
-    Parameters
-    ----------
-    places : (k, 2) array of int
-        Codes of the places in their order.
-    settle_points : int
-        Points at each place before the marked one, 1 or more (the marker line has to fall in between).
-    hold_points : int
-        Points at each place from the marked one on, 1 or more.
-
-    Returns
-    -------
-    xy : (n, 2) int array
-    marked : (n,) bool array
-        For `path_frame`; n = k (settle_points + hold_points).
-
-    Raises
-    ------
-    ValueError
-        When a number of points is below 1.
-    """
-    if settle_points < 1 or hold_points < 1:
-        raise ValueError(f"settle and hold points are 1 or more, not {settle_points} and {hold_points}")
-    stops = np.asarray(places, np.int64).reshape(-1, 2)
-    each = settle_points + hold_points
-    return np.repeat(stops, each, axis=0), np.tile(np.arange(each) == settle_points, len(stops))

@@ -1,10 +1,12 @@
-"""Links to the devices: serial ports by URL, USB and USBTMC, transcripts, retries, what to do when a port fails."""
+"""Links to the devices: serial ports by URL, USB and USBTMC; sessions, transcripts, retries, remedies."""
 
 from picoradar.drivers.links.controls import Control, Reading
 from picoradar.drivers.links.numerals import read_number
 from picoradar.drivers.links.serial import SerialLink
-from picoradar.drivers.links.transcript import Event, Transcript, read_transcript
+from picoradar.drivers.links.session import LATE_S, SerialSession
+from picoradar.drivers.links.transcript import Event, EventDetails, InterfaceDetails, Transcript, read_transcript
 from picoradar.drivers.links.usb import UsbLink
+from picoradar.drivers.links.usb_find import UsbIdentity
 from picoradar.drivers.links.usbtmc import Usbtmc
 from picoradar.drivers.links.usbtmc_wire import (
     INTERFACE_CLASS,
@@ -18,17 +20,22 @@ from picoradar.drivers.links.usbtmc_wire import (
 
 __all__ = [
     "INTERFACE_CLASS",
+    "LATE_S",
     "BadHeader",
     "Capabilities",
     "Control",
     "ControlRequest",
     "Event",
+    "EventDetails",
     "Header",
+    "InterfaceDetails",
     "MsgId",
     "Reading",
     "SerialLink",
+    "SerialSession",
     "TmcStatus",
     "Transcript",
+    "UsbIdentity",
     "UsbLink",
     "Usbtmc",
     "read_number",

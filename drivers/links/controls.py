@@ -1,13 +1,13 @@
 """Properties of a device as a table: key on the wire, kind, range, unit, docstring.
 
-A driver's class body then reads like the command table of its protocol sheet. Ranges are strict: a value
-outside is refused with the value and the range in the message, and nothing is sent.
+The class body of a driver then follows the command table of its protocol sheet. Ranges are strict: a value outside is
+refused with the value and the range in the message, and nothing is sent.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Generic, Protocol, TypeVar, overload
+from typing import Generic, Protocol, TypeVar, overload
 
 from picoradar.drivers.errors import LimitError, ProtocolError, check_range
 
@@ -26,10 +26,10 @@ class NumberTable(Protocol[K_contra]):
         """Get the device's name for messages."""
 
     def get_number(self, key: K_contra) -> float:
-        """Ask the device for one number."""
+        """Query one number."""
 
     def set_number(self, key: K_contra, value: float) -> None:
-        """Send one number to the device."""
+        """Set one number."""
 
 
 class Reading(Generic[K, T]):
@@ -47,7 +47,7 @@ class Reading(Generic[K, T]):
     Raises
     ------
     ProtocolError
-        On reading, when the device reports a number that is none of this kind.
+        On reading, when the device reports a number that is not of this kind.
     """
 
     def __init__(self, key: K, kind: type[T], doc: str) -> None:
@@ -75,7 +75,7 @@ class Reading(Generic[K, T]):
             raise ProtocolError(table.device, what) from error
 
     def _as_kind(self, number: float) -> T:
-        """Read a number as the kind; a fraction is never cut off to make an integer."""
+        """Convert a number to the kind; a fraction is never truncated to make an integer."""
         if not self._integral:
             return self.kind(number)
         if int(number) != number or (self.kind is bool and number not in (0, 1)):
@@ -91,9 +91,9 @@ class Control(Reading[K, T]):
     key, kind, doc
         As in `Reading`.
     limits : (float, float) or callable, optional
-        Least and most value, or a function of the device that gives them. An ``IntEnum`` needs none.
+        Minimum and maximum value, or a function of the device that returns them. An ``IntEnum`` needs none.
     unit : str, optional
-        For the message of a refusal.
+        For the error message.
 
     Raises
     ------
@@ -102,7 +102,7 @@ class Control(Reading[K, T]):
     """
 
     def __init__(
-        self, key: K, kind: type[T], doc: str, *, limits: Limits | Callable[[Any], Limits] | None = None, unit: str = ""
+        self, key: K, kind: type[T], doc: str, *, limits: Limits | Callable[..., Limits] | None = None, unit: str = ""
     ) -> None:
         super().__init__(key, kind, doc)
         self.limits = limits
@@ -110,8 +110,8 @@ class Control(Reading[K, T]):
 
     def __set__(self, table: NumberTable[K], value: T) -> None:
         if self.limits is not None:
-            least, most = self.limits(table) if callable(self.limits) else self.limits
-            check_range(table.device, self.name, value, least, most, self.unit)
+            minimum, maximum = self.limits(table) if callable(self.limits) else self.limits
+            check_range(table.device, self.name, value, minimum, maximum, self.unit)
         try:
             number = self._as_kind(value)
         except ValueError as error:

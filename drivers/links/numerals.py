@@ -12,13 +12,13 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(E[+-]?\d{1,3})?", re.ASCII | re.IG
 def read_number(text: str) -> float:
     """Read a decimal number.
 
-    Other than ``float`` it takes no underscores, foreign digits, infinities or NaN: what no instrument
+    Unlike ``float`` it accepts no underscores, foreign digits, infinities or NaN: what no instrument
     sends must not pass for a measured value.
 
     Raises
     ------
     ValueError
-        When the text is no plain decimal number.
+        When the text is not a plain decimal number.
     """
     if len(text) > LONGEST or not _NUMBER.fullmatch(text) or not math.isfinite(value := float(text)):
         raise ValueError(f"{text!r} is no number")

@@ -1,10 +1,21 @@
-"""Why a port cannot be opened, in words for the person who has to mend it."""
+"""The errors of a serial port, and what the person at the bench can do about them."""
 
 from __future__ import annotations
 
 import errno
 import os
 import sys
+
+import serial
+
+
+def port_errors() -> tuple[type[Exception], ...]:
+    """Get what a port may raise: exceptions of pyserial, of the operating system and, on POSIX, of termios."""
+    try:
+        import termios
+    except ImportError:
+        return (serial.SerialException, OSError)
+    return (serial.SerialException, OSError, termios.error)
 
 
 def remedy_for(url: str, error: BaseException) -> str:
@@ -27,7 +38,7 @@ def remedy_for(url: str, error: BaseException) -> str:
         case errno.EBUSY | errno.EAGAIN:
             return "another program has it open: close that one"
         case errno.ECONNREFUSED:
-            return "nobody listens at that address: start the server (picoradar sim, or the serial-to-network adapter)"
+            return "nothing listens at that address: start the server (picoradar sim, or the serial-to-network adapter)"
         case errno.ENOTTY | errno.EINVAL:
             return "that is no serial port: check the name in the settings"
     return "check that it is plugged in and that no other program has it open"
@@ -47,7 +58,7 @@ def _permission(url: str) -> str:
     group = _group_of(url)
     return (
         f"the port exists, but this account is not in its group {group!r}: "
-        f"sudo usermod -aG {group} $USER, then log in anew"
+        f"sudo usermod -aG {group} $USER, then log in again"
     )
 
 

@@ -1,4 +1,4 @@
-"""Asking again when an answer is lost or spoilt on the line."""
+"""Retries when an answer is lost or corrupted on the line."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ T = TypeVar("T")
 
 
 def retry(tries: int, attempt: Callable[[], T]) -> T:
-    """Carry out ``attempt``, and again when its answer is lost or spoilt.
+    """Carry out ``attempt``, and again when its answer is lost or corrupted.
 
-    Only for what may be done twice: a question that does not change what it asks for, or a setting.
+    Only for what may safely be done twice: a query that does not change what it reads, or a setting.
 
     Parameters
     ----------
     tries : int
-        How often in all, at least 1.
+        Number of attempts, at least 1.
     attempt : callable
         One exchange.
 
     Raises
     ------
     Timeout, ProtocolError
-        Of the last try. All other errors are raised at once.
+        Of the last attempt. All other errors are raised at once.
     """
     for _ in range(tries - 1):
         try:

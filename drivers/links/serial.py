@@ -1,40 +1,32 @@
 """A serial line as the drivers see it: bytes, time limits and one family of errors.
 
 Ports are opened by URL (``serial.serial_for_url``): a port name, ``socket://host:port``, or ``sim://``
-for a simulated device in the same process. This is the one place that maps the exceptions of
-pyserial, of termios and of the operating system to ours.
+for a simulated device in the same process. No exception of pyserial, termios or the operating system leaves this
+class: they become `LinkLost`, `Timeout` or `ProtocolError`.
 """
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
-from typing import Any, NoReturn, TypeVar
+from typing import NoReturn, TypeVar
 
 import serial
 
 from picoradar.drivers.clock import Clock
 from picoradar.drivers.errors import LinkLost, ProtocolError, Timeout
-from picoradar.drivers.links.port_trouble import remedy_for
-from picoradar.drivers.links.transcript import Transcript
+from picoradar.drivers.links.port_trouble import port_errors, remedy_for
+from picoradar.drivers.links.transcript import TranscribedLink
 
-MOST_AT_ONCE = 4096
-SLICE_S = 0.05  # longest wait inside the port, so that timers (heartbeats) run on a real clock too
-
-try:
-    from termios import error as _TermiosError
-except ImportError:  # not a POSIX system: this kind of error cannot occur
-
-    class _TermiosError(Exception):  # type: ignore[no-redef]
-        pass
-
+MAX_AT_ONCE = 4096
+SLICE_S = 0.05  # longest wait inside the port, so that timers (heartbeats) also run on a real clock
 
 T = TypeVar("T")
 
-_PORT_ERRORS = (serial.SerialException, OSError, _TermiosError)
+_PORT_ERRORS = port_errors()
 
 
-class SerialLink:
+class SerialLink(TranscribedLink):
     """One serial port, owned by one driver.
 
     Parameters
@@ -49,19 +41,11 @@ class SerialLink:
         Bits per second; 8 data bits, no parity, 1 stop bit (all devices of this bench).
     timeout_s : float
         Default time limit of one answer.
-
-    Attributes
-    ----------
-    transcript : Transcript or None
-        Where every byte both ways is written down; None (the default) for nowhere.
     """
 
-    transcript: Transcript | None = None
-
     def __init__(self, url: str, clock: Clock, *, device: str, baud: int, timeout_s: float = 1.0) -> None:
+        super().__init__(clock, device)
         self.url = url
-        self.clock = clock
-        self.name = device
         self.device = f"{device} ({url})"
         self.baud = baud
         self.timeout_s = timeout_s
@@ -71,18 +55,18 @@ class SerialLink:
 
     @property
     def is_open(self) -> bool:
-        """Get whether the port is open on our side."""
+        """Get whether the port is open."""
         return self._port is not None
 
     def open(self) -> None:
-        """Open the port and throw away what waits in it.
+        """Open the port and discard what waits in it.
 
         Raises
         ------
         LinkLost
             When the port is not there, is in use, or may not be opened.
         """
-        if self._port is not None:
+        if self.is_open:
             return
         try:
             port = serial.serial_for_url(
@@ -105,9 +89,7 @@ class SerialLink:
         port, self._port = self._port, None
         self._received.clear()
         if port is not None:
-            with contextlib.suppress(
-                *_PORT_ERRORS
-            ):  # a vanished port cannot be closed in order; it is given up either way
+            with contextlib.suppress(*_PORT_ERRORS):  # a vanished port cannot be closed in order
                 port.close()
             self._note("close")
 
@@ -153,16 +135,16 @@ class SerialLink:
         timeout_s: float | None = None,
         limit: int = 4096,
     ) -> T:
-        """Read lines until ``match(line)`` is not None and return that; the other lines are dropped.
+        """Read lines until ``match(line)`` is not None and return its result; the other lines are dropped.
 
         Parameters
         ----------
         terminator : bytes
             What ends a line.
         match : callable
-            Judges one line, with its terminator.
+            Gets one line, with its terminator; returns None for a line that is not wanted.
         timeout_s : float, optional
-            Time limit of all lines together (default: the link's).
+            Time limit for all lines together (default: the link's).
         limit : int
             Longest line.
 
@@ -181,7 +163,7 @@ class SerialLink:
     def drain(self, *, quiet_s: float, limit: int = 4096) -> bytes:
         """Read until the line has been quiet for ``quiet_s`` and return what came.
 
-        A line that does not get quiet is left after the link's time limit, or ``limit`` bytes.
+        Gives up on a line that stays busy after the link's time limit, or ``limit`` bytes.
         """
         end = self.clock.now() + quiet_s
         last = end + self.timeout_s
@@ -207,7 +189,7 @@ class SerialLink:
         return got
 
     def discard_input(self) -> None:
-        """Throw away what has been received and not read (late answers of earlier queries)."""
+        """Discard what has been received and not read (late answers to earlier queries)."""
         self._received.clear()
         try:
             self._opened().reset_input_buffer()
@@ -237,7 +219,7 @@ class SerialLink:
             if port.timeout != limit_s:
                 port.timeout = limit_s
             chunk = port.read(port.in_waiting or 1)
-            while len(chunk) < MOST_AT_ONCE and (more := port.in_waiting):  # of a socket it tells no more than 1
+            while len(chunk) < MAX_AT_ONCE and (more := port.in_waiting):  # for a socket it never reports more than 1
                 chunk += port.read(more)
         except _PORT_ERRORS as error:
             self._lost(error)
@@ -251,10 +233,6 @@ class SerialLink:
         if self._port is None:
             raise LinkLost(self.device, "the port is not open", "connect first")
         return self._port
-
-    def _note(self, what: str, data: bytes | None = None, **more: Any) -> None:
-        if self.transcript is not None:
-            self.transcript.note(self.clock.now(), self.name, what, data, **more)
 
     def _lost(self, error: BaseException) -> NoReturn:
         self._note("lost", error=str(error))

@@ -1,4 +1,4 @@
-"""What crossed the links of a bench, byte for byte: written when asked for, read back to replay a bug report.
+"""Transcripts: every byte that crosses the links of a bench, written when asked for and read to replay a bug report.
 
 A transcript is a text file of JSON objects, one a line. The first one is ``{"transcript": "picoradar", "version": 1}``,
 each other one is an event of a link:
@@ -15,8 +15,8 @@ each other one is an event of a link:
 ``error``
     Where the device refused (``stall``).
 
-An ``open`` tells how the link was opened (``url`` and ``baud``, or the USB descriptors); USB transfers have
-``endpoint``, control transfers ``request`` and ``value``. A read that brought nothing is left out.
+An ``open`` says how the link was opened (``url`` and ``baud``, or the USB descriptors); USB transfers have
+``endpoint``, control transfers ``request`` and ``value``. A read that returned nothing is left out.
 """
 
 from __future__ import annotations
@@ -26,9 +26,36 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self, TypedDict, cast
+
+from picoradar.drivers.clock import Clock
 
 HEAD = {"transcript": "picoradar", "version": 1}
+
+
+InterfaceDetails = TypedDict(
+    "InterfaceDetails", {"number": int, "alternate": int, "class": list[int], "endpoints": list[list[int]]}
+)
+"""One alternate setting of a USB device; each endpoint as address, attributes, packet size and interval."""
+
+
+class EventDetails(TypedDict, total=False):
+    """What an event may tell beside its bytes; which keys there are depends on its kind."""
+
+    url: str
+    baud: int
+    endpoint: int
+    kind: int
+    request: int
+    value: int
+    index: int
+    error: str
+    idVendor: int
+    idProduct: int
+    bcdDevice: int
+    speed: int
+    strings: list[str | None]
+    interfaces: list[InterfaceDetails]
 
 
 @dataclass(frozen=True)
@@ -40,7 +67,7 @@ class Event:
     time_s : float
     link, what : str
     data : bytes
-    more : dict
+    more : EventDetails
         All other keys.
     """
 
@@ -48,7 +75,7 @@ class Event:
     link: str
     what: str
     data: bytes = b""
-    more: dict[str, Any] = field(default_factory=dict)
+    more: EventDetails = field(default_factory=EventDetails)
 
 
 class Transcript:
@@ -69,9 +96,9 @@ class Transcript:
         self._file = path.open("x", encoding="utf-8", buffering=1)
         self._file.write(json.dumps(HEAD) + "\n")
 
-    def note(self, time_s: float, link: str, what: str, data: bytes | None = None, **more: Any) -> None:
+    def note(self, time_s: float, link: str, what: str, data: bytes | None = None, **more: object) -> None:
         """Write one event."""
-        event: dict[str, Any] = {"time_s": round(time_s, 6), "link": link, "what": what, **more}
+        event: dict[str, object] = {"time_s": round(time_s, 6), "link": link, "what": what, **more}
         if data is not None:
             event["data"] = bytes(data).hex()
         self._file.write(json.dumps(event) + "\n")
@@ -87,6 +114,33 @@ class Transcript:
         self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+class TranscribedLink:
+    """Base of the links: writes what crosses the link into a transcript, where one is wanted.
+
+    Parameters
+    ----------
+    clock : Clock
+        Time of the link.
+    name : str
+        The device's name.
+
+    Attributes
+    ----------
+    transcript : Transcript or None
+        Records every byte in both directions; None (the default) records nothing.
+    """
+
+    transcript: Transcript | None = None
+
+    def __init__(self, clock: Clock, name: str) -> None:
+        self.clock = clock
+        self.name = name
+
+    def _note(self, what: str, data: bytes | None = None, /, **more: object) -> None:
+        if self.transcript is not None:
+            self.transcript.note(self.clock.now(), self.name, what, data, **more)
 
 
 def read_transcript(path: Path) -> list[Event]:
@@ -111,18 +165,13 @@ def _events(path: Path, lines: list[str]) -> Iterator[Event]:
             return
         table = _parsed(path, number, line)
         try:
-            yield Event(
-                float(table.pop("time_s")),
-                str(table.pop("link")),
-                str(table.pop("what")),
-                bytes.fromhex(table.pop("data", "")),
-                table,
-            )
+            time_s, link, what = float(str(table.pop("time_s"))), str(table.pop("link")), str(table.pop("what"))
+            yield Event(time_s, link, what, bytes.fromhex(str(table.pop("data", ""))), cast(EventDetails, table))
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"{path}, line {number}: no event of a transcript: {error!r}") from error
 
 
-def _parsed(path: Path, number: int, line: str) -> dict[str, Any]:
+def _parsed(path: Path, number: int, line: str) -> dict[str, object]:
     try:
         table = json.loads(line)
     except json.JSONDecodeError as error:

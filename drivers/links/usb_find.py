@@ -1,8 +1,11 @@
-"""Which of the devices on the bus is meant, and what it says of itself."""
+"""Finding the right device on the USB bus, and describing it."""
 
 from __future__ import annotations
 
-from typing import Any
+from array import array
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Protocol
 
 import usb.core
 import usb.util
@@ -12,64 +15,122 @@ from picoradar.drivers.errors import LinkLost
 ACCESS_REMEDY = "the device is there but this account may not open it: install the udev rule of docs/devices.md"
 
 
-def find_device(
-    device: str,
-    backend: Any,
-    vendor_id: int,
-    product_id: int,
-    serial_number: str | None,
-    interface_class: tuple[int, int, int] | None,
-) -> Any:
-    """Find the one device that is meant.
+class UsbDevice(Protocol):
+    """A device as pyusb gives it (``usb.core.Device``), as far as the links use it."""
+
+    bNumConfigurations: int
+    serial_number: str | None
+
+    def write(self, endpoint: int, data: bytes, timeout: int) -> int: ...
+    def read(self, endpoint: int, size_or_buffer: int, timeout: int) -> array[int]: ...
+    def ctrl_transfer(
+        self, bmRequestType: int, bRequest: int, wValue: int, wIndex: int, data_or_wLength: int | bytes, timeout: int
+    ) -> int | array[int]: ...
+    def clear_halt(self, endpoint: int) -> None: ...
+    def set_configuration(self) -> None: ...
+    def set_interface_altsetting(self, interface: int, alternate: int) -> None: ...
+    def is_kernel_driver_active(self, interface: int) -> bool: ...
+    def detach_kernel_driver(self, interface: int) -> None: ...
+    def get_active_configuration(self) -> UsbConfiguration: ...
+    def __iter__(self) -> Iterator[UsbConfiguration]: ...
+
+
+class UsbConfiguration(Protocol):
+    """A configuration as pyusb gives it: its alternate settings in a row."""
+
+    bConfigurationValue: int
+
+    def __iter__(self) -> Iterator[UsbInterface]: ...
+
+
+class UsbInterface(Protocol):
+    """An alternate setting as pyusb gives it: its endpoints in a row."""
+
+    bInterfaceNumber: int
+    bAlternateSetting: int
+    bInterfaceClass: int
+    bInterfaceSubClass: int
+    bInterfaceProtocol: int
+
+    def __iter__(self) -> Iterator[UsbEndpoint]: ...
+
+
+class UsbEndpoint(Protocol):
+    """An endpoint as pyusb gives it."""
+
+    bEndpointAddress: int
+    bmAttributes: int
+    wMaxPacketSize: int
+    bInterval: int
+
+
+@dataclass(frozen=True)
+class UsbIdentity:
+    """What tells the wanted device from the others on the bus.
+
+    Attributes
+    ----------
+    vendor_id, product_id : int
+    serial_number : str, optional
+        Needed only where several devices of the same kind are plugged in.
+    interface_class : tuple of int, optional
+        Class, subclass and protocol that one of its interfaces must have.
+    """
+
+    vendor_id: int
+    product_id: int
+    serial_number: str | None = None
+    interface_class: tuple[int, int, int] | None = None
+
+    def __str__(self) -> str:
+        return f"USB {self.vendor_id:04x}:{self.product_id:04x}"
+
+
+def find_device(device: str, wanted: UsbIdentity, backend: object | None) -> UsbDevice:
+    """Find the one device that has the wanted identity.
 
     Parameters
     ----------
     device : str
         Its name for messages.
+    wanted : UsbIdentity
     backend : object or None
         A pyusb backend; None is libusb.
-    vendor_id, product_id : int
-        Identity to look for.
-    serial_number : str or None
-        None takes the only one there is.
-    interface_class : tuple of int or None
-        Class, subclass and protocol that one of its interfaces must have.
-
-    Returns
-    -------
-    usb.core.Device
 
     Raises
     ------
     LinkLost
-        When none or several are there, or their serial numbers cannot be read.
+        When there is none or more than one, or the serial numbers cannot be read.
     """
-    every = usb.core.find(find_all=True, backend=backend, idVendor=vendor_id, idProduct=product_id)
+    every: Iterable[UsbDevice] = usb.core.find(
+        find_all=True, backend=backend, idVendor=wanted.vendor_id, idProduct=wanted.product_id
+    )
     found = [
         candidate
         for candidate in every
-        if (serial_number is None or _serial_number_of(candidate, device) == serial_number)
-        and (interface_class is None or _has_interface(candidate, interface_class))
+        if (wanted.serial_number is None or _serial_number_of(candidate, device) == wanted.serial_number)
+        and (wanted.interface_class is None or _has_interface(candidate, wanted.interface_class))
     ]
     if not found:
-        which = f" with serial number {serial_number}" if serial_number else ""
+        which = f" with serial number {wanted.serial_number}" if wanted.serial_number else ""
         raise LinkLost(device, f"no such device{which} on the bus", "plug it in, switch it on")
     if len(found) > 1:
         raise LinkLost(device, f"{len(found)} such devices are there", "name its serial number in the settings")
     return found[0]
 
 
-def configuration_value(device: Any) -> int:
+def configuration_value(device: UsbDevice) -> int:
     """Get the active configuration; 0 for none."""
     try:
         return int(device.get_active_configuration().bConfigurationValue)
     except usb.core.USBError:
-        return 0  # pyusb's way of saying that no configuration is set
+        return 0  # pyusb raises this when no configuration is set
 
 
-def described(device: Any) -> dict[str, Any]:
-    """Get what a transcript tells of a device: enough to make one like it."""
+def describe_device(device: UsbDevice) -> dict[str, object]:
+    """Describe a device for a transcript, completely enough to imitate it."""
     fields = ("idVendor", "idProduct", "bcdDevice", "speed")
+    texts = ("manufacturer", "product", "serial_number")
     settings = [
         {
             "number": i.bInterfaceNumber,
@@ -81,22 +142,21 @@ def described(device: Any) -> dict[str, Any]:
     ]
     return {
         **{name: getattr(device, name) for name in fields},
-        "strings": [device.manufacturer, device.product, device.serial_number],
+        "strings": [getattr(device, name) for name in texts],
         "interfaces": settings,
     }
 
 
-def _serial_number_of(candidate: Any, device: str) -> str | None:
+def _serial_number_of(candidate: UsbDevice, device: str) -> str | None:
     try:
-        found: str | None = candidate.serial_number
+        return candidate.serial_number
     except ValueError as error:  # without access to a device pyusb finds no strings in it
         raise LinkLost(device, "its serial number cannot be read: access denied", ACCESS_REMEDY) from error
     finally:
         usb.util.dispose_resources(candidate)
-    return found
 
 
-def _has_interface(candidate: Any, wanted: tuple[int, int, int]) -> bool:
+def _has_interface(candidate: UsbDevice, wanted: tuple[int, int, int]) -> bool:
     return any(
         (i.bInterfaceClass, i.bInterfaceSubClass, i.bInterfaceProtocol) == wanted
         for configuration in candidate

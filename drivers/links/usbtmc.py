@@ -1,7 +1,7 @@
 """USBTMC: messages to and from an instrument, with the abort and clear sequences that a timeout needs.
 
 Source: protocol sheet ``usbtmc.md``. After a timeout the instrument still owes an answer; without the abort sequence
-every later query would time out too.
+every later query would time out as well.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from picoradar.drivers.links import usbtmc_wire as wire
 from picoradar.drivers.links.usb import UsbLink
 from picoradar.drivers.links.usbtmc_wire import BadHeader, Capabilities, ControlRequest, TmcStatus
 
-CHUNK = 16_384  # most data asked for in one request
+CHUNK = 16_384  # largest amount of data asked for in one request
 LIMIT = 4 << 20  # longest answer that is accepted
 POLL_S = 0.01
 POLLS = 50
@@ -90,14 +90,14 @@ class Usbtmc:
             raise
 
     def read(self, *, timeout_s: float | None = None) -> bytes:
-        """Read a message, in as many parts as the instrument makes of it.
+        """Read a message, in as many parts as the instrument splits it into.
 
         Raises
         ------
         Timeout
             When no answer comes within the limit; the request was aborted, so that the next query is answered.
         ProtocolError
-            When the answer is none to this request, or longer than 4 MiB; both buffers were cleared.
+            When the answer belongs to another request, or is longer than 4 MiB; both buffers were cleared.
         """
         limit_s = self.timeout_s if timeout_s is None else timeout_s
         message = b""
@@ -116,7 +116,7 @@ class Usbtmc:
         return self.read(timeout_s=timeout_s)
 
     def clear(self) -> None:
-        """Empty both buffers of the instrument and abort what it does (device clear).
+        """Empty both buffers of the instrument and abort its present operation (device clear).
 
         Raises
         ------
@@ -189,7 +189,7 @@ class Usbtmc:
 
     @staticmethod
     def _recover(sequence: Callable[[], None]) -> None:
-        """Carry out an abort sequence after an error; that error is the one to tell."""
+        """Carry out an abort sequence after an error; only the first error is reported."""
         with contextlib.suppress(DeviceError):
             sequence()
 

@@ -1,4 +1,4 @@
-"""USBTMC and its USB488 subclass, wire half: headers of the bulk messages and control requests as pure data.
+"""USBTMC and its USB488 subclass at the wire: headers of the bulk messages and control requests as pure data.
 
 Source: protocol sheet ``usbtmc.md``.
 """
@@ -57,7 +57,7 @@ class TmcStatus(IntEnum):
 
 
 class BadHeader(ValueError):
-    """Bytes that are no USBTMC header, or not the one that is expected."""
+    """Bytes that are not a USBTMC header, or not the expected one."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Header:
     msg_id, tag : int
         MsgID, and bTag (1 to 255).
     size : int
-        Data bytes that follow, or, in a request, the most that are wanted.
+        Data bytes that follow or, in a request, the largest number wanted.
     attributes : int
         Bit 0: end of message. In a request, bit 1: end at the TermChar.
     term_char : int
@@ -97,13 +97,13 @@ class Header:
         Raises
         ------
         BadHeader
-            When it is too short, or tag and complement do not fit.
+            When it is too short, or its tag and complement contradict each other.
         """
         if len(data) < HEADER:
             raise BadHeader(f"{len(data)} bytes are no header: {data.hex(' ')}")
         msg_id, tag, complement, size, attributes, term_char = _REQUEST.unpack_from(data)
         if tag == 0 or complement != tag ^ 0xFF:
-            raise BadHeader(f"tag {tag:#04x} and complement {complement:#04x} do not fit")
+            raise BadHeader(f"tag {tag:#04x} and complement {complement:#04x} contradict each other")
         return cls(msg_id, tag, size, attributes, term_char)
 
 
@@ -139,7 +139,7 @@ def decode_answer(transfer: bytes, tag: int) -> tuple[bytes, bool]:
     Raises
     ------
     BadHeader
-        When it answers another request, or fewer bytes came than its header says.
+        When it answers another request, or its length differs from its header.
     """
     header = Header.decode(transfer)
     if header.msg_id != MsgId.DEV_DEP_MSG_IN or header.tag != tag:

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from picoradar.drivers.errors import DeviceFault, ProtocolError, Timeout, check_range
 from picoradar.drivers.interfaces import Identity, TemperatureStatus
-from picoradar.drivers.links import Control, Reading, SerialLink
+from picoradar.drivers.links import Control, Reading, SerialLink, SerialSession
 from picoradar.drivers.mecom.parameters import PARAMETERS, DeviceStatus, OutputEnable, OutputStageInput, Stability
 from picoradar.drivers.mecom.session import MeCom
 from picoradar.drivers.mecom.wire import ERRORS
 
-BAUD = 57600
 MODELS = {1089: "TEC-1089", 1091: "TEC-1091"}
 START_UP_S = 5.0
 WATCHDOG_EXPIRED = 183
@@ -21,10 +20,10 @@ WATCHDOG_EXPIRED = 183
 
 def _control(number: int, doc: str, unit: str) -> Control[int, float]:
     row = PARAMETERS[number]
-    return Control(number, float, doc, limits=(row.least, row.most), unit=unit)
+    return Control(number, float, doc, limits=(row.minimum, row.maximum), unit=unit)
 
 
-class Tec:
+class Tec(SerialSession):
     """One channel of a temperature controller; satisfies `picoradar.drivers.interfaces.TemperatureController`.
 
     Parameters
@@ -36,7 +35,7 @@ class Tec:
     instance : int
         Channel, 1 or 2.
     watchdog_s : float
-        Silence of the host (s) after which the device stops its output, 0.1 to 600; 0 for never.
+        Time without a message of the host (s) after which the device stops its output, 0.1 to 600; 0 for never.
     first_sequence : int
         Number of the first telegram, 0 to 65535.
     """
@@ -44,19 +43,14 @@ class Tec:
     def __init__(
         self, link: SerialLink, address: int = 1, *, instance: int = 1, watchdog_s: float = 0.0, first_sequence: int = 0
     ) -> None:
-        self.link = link
+        super().__init__(link)
         self.session = MeCom(link, address, first_sequence=first_sequence)
         self.instance = instance
         self.watchdog_s = watchdog_s
 
-    @property
-    def device(self) -> str:
-        """Get the device's name for messages."""
-        return self.link.device
-
     target_degc = _control(3000, "Control the target temperature in degC (float from -273.15 to 1000).", "degC")
     ramp_degc_per_s = _control(3003, "Control the ramp of the target in degC/s (float from 0 to 1000).", "degC/s")
-    proximity_degc = _control(3002, "Control where the ramp ends in degC from the target (float).", "degC")
+    proximity_degc = _control(3002, "Control how far from the target the ramp slows down, in degC (float).", "degC")
     kp = _control(3010, "Control the gain of the controller in %/degC (float from 0).", "%/degC")
     ti_s = _control(3011, "Control the integration time in s (float from 0).", "s")
     td_s = _control(3012, "Control the differentiation time in s (float from 0).", "s")
@@ -65,17 +59,17 @@ class Tec:
     lower_threshold_degc = _control(4010, "Control the lower error threshold in degC (float).", "degC")
     upper_threshold_degc = _control(4011, "Control the upper error threshold in degC (float).", "degC")
     stable_deviation_degc = _control(4040, "Control the band that counts as stable in degC (float).", "degC")
-    stable_least_s = _control(4041, "Control how long it must stay in the band in s (float).", "s")
-    stable_longest_s = _control(4042, "Control within what time it must be stable in s (float; 0: any).", "s")
+    stable_min_s = _control(4041, "Control how long it must stay in the band in s (float).", "s")
+    stable_max_s = _control(4042, "Control within what time it must be stable in s (float; 0: any).", "s")
     largest_change_degc_per_s = _control(
         4012, "Control the largest change before an error in degC/s (float).", "degC/s"
     )
     static_current_a = _control(2020, "Control the current of the static mode in A (float from -4 to 4).", "A")
     static_voltage_v = _control(2021, "Control the voltage of the static mode in V (float from -21 to 21).", "V")
-    current_threshold_a = _control(2032, "Control the current that makes an error in A (float from 0 to 5.6).", "A")
-    voltage_threshold_v = _control(2033, "Control the voltage that makes an error in V (float from 0 to 25).", "V")
+    current_threshold_a = _control(2032, "Control the current that raises an error in A (float from 0 to 5.6).", "A")
+    voltage_threshold_v = _control(2033, "Control the voltage that raises an error in V (float from 0 to 25).", "V")
     reply_delay_us = Control(2052, int, "Control the delay of answers in us (int from 0 to 1e6).", limits=(0, 1e6))
-    host_watchdog_s = _control(2060, "Control after what silence of the host it stops, in s (float; 0: never).", "s")
+    host_watchdog_s = _control(2060, "Control after how long without the host it stops, in s (float; 0: never).", "s")
     live_enable = Control(50000, bool, "Control the output in mode `OutputEnable.LIVE` (bool).", limits=(0, 1))
     output_stage_input = Control(2000, OutputStageInput, "Control what drives the output (`OutputStageInput`).")
     output_enable = Control(2010, OutputEnable, "Control the output (`OutputEnable`).")
@@ -92,8 +86,8 @@ class Tec:
     def open(self) -> None:
         """Open the line, make sure that a TEC answers, switch its output off and arm its watchdog.
 
-        An error that its watchdog has left, because an earlier host went away, is reset: it did its duty. Any
-        other latched error is reported by `status`, and left by `reset`.
+        A latched error of its watchdog is reset: an earlier host has gone, and the watchdog has done its work. `status`
+        reports every other latched error, and `reset` clears it.
 
         Raises
         ------
@@ -110,21 +104,6 @@ class Tec:
             self.reset()
         self._set_up()
         self.off()
-
-    def close(self) -> None:
-        """Switch the output and the watchdog off, and close the line; harmless when it is closed.
-
-        Raises
-        ------
-        DeviceError
-            When the output could not be verified off; the line is closed all the same.
-        """
-        try:
-            if self.link.is_open:
-                self.off()
-                self.host_watchdog_s = 0.0
-        finally:
-            self.link.close()
 
     def identify(self) -> Identity:
         """Get model, serial number and firmware.
@@ -152,9 +131,9 @@ class Tec:
             When the device is in error, refuses, or reads back something else.
         """
         row = PARAMETERS[3000]
-        check_range(self.device, "target", target_degc, row.least, row.most, "degC")
+        check_range(self.device, "target", target_degc, row.minimum, row.maximum, "degC")
         self._refuse_problem()
-        self._set_up()  # once more: it may have lost its supply since it was opened
+        self._set_up()  # again: it may have lost its supply since it was opened
         self.target_degc = target_degc
         self.output_stage_input = OutputStageInput.TEMPERATURE_CONTROLLER
         self._switch(OutputEnable.ON)
@@ -188,12 +167,12 @@ class Tec:
     def reset(self) -> None:
         """Restart the device (``RS``), which clears an error, and wait until it answers again.
 
-        Settings that were not saved are lost: set up again.
+        Settings that were not saved are lost and have to be made again.
 
         Raises
         ------
         Timeout
-            When it does not come back within 5 s.
+            When it does not answer again within 5 s.
         """
         clock = self.link.clock
         self.session.request("RS")
@@ -201,17 +180,23 @@ class Tec:
         clock.sleep(0.25)  # the device still answers for about 200 ms before it resets
         while self._starting():
             if clock.now() > end:
-                raise Timeout(self.device, f"did not come back within {START_UP_S:g} s of a reset", "check its power")
+                raise Timeout(
+                    self.device, f"did not answer again within {START_UP_S:g} s of a reset", "check its power"
+                )
             clock.sleep(0.1)
         self._set_up()
 
     def get_number(self, key: int) -> float:
-        """Ask for one parameter."""
+        """Query one parameter."""
         return self.session.get(key, instance=self._instance_of(key))
 
     def set_number(self, key: int, value: float) -> None:
         """Set one parameter."""
         self.session.set(key, value, instance=self._instance_of(key))
+
+    def _make_safe(self) -> None:
+        self.off()
+        self.host_watchdog_s = 0.0
 
     def _instance_of(self, key: int) -> int:
         return 1 if PARAMETERS[key].common else self.instance

@@ -1,7 +1,7 @@
 """The parameters of Meerstetter TEC-1089 / 1091 that this bench uses (protocol sheet ``mecom_tec``).
 
-One row a parameter; driver and simulated firmware read the same table, as maker and client share the
-maker's document. Where the sheet gives no limits they are those of the type.
+One row per parameter; driver and simulated firmware use the same table, which stands for the maker's document.
+Where the sheet gives no limits they are those of the type.
 """
 
 from __future__ import annotations
@@ -58,14 +58,14 @@ class OutputEnable(IntEnum):
 
 @dataclass(frozen=True)
 class Parameter:
-    """One row: id, name, kind, whether it can be set, limits, and whether it belongs to the whole device."""
+    """One row: id, name, kind, whether it can be set, limits, and whether it applies to the whole device."""
 
     number: int
     name: str
     kind: Kind
     writable: bool
-    least: float
-    most: float
+    minimum: float
+    maximum: float
     common: bool
 
 
@@ -118,8 +118,8 @@ PARAMETERS: dict[int, Parameter] = {
         _float(4011, "upper object error threshold", rw=True),
         _float(4012, "largest temperature change", rw=True, span=(0, 3.4e38)),
         _float(4040, "stable deviation", rw=True, span=(0, 1000)),
-        _float(4041, "stable least time", rw=True, span=(0, 100_000)),
-        _float(4042, "stable longest time", rw=True, span=(0, 100_000)),
+        _float(4041, "minimum stable time", rw=True, span=(0, 100_000)),
+        _float(4042, "longest time until stable", rw=True, span=(0, 100_000)),
         _int(50000, "live enable", rw=True, span=(0, 1)),
     )
 }

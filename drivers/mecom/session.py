@@ -1,12 +1,11 @@
-"""Questions and answers with one MeCom device: matching, acknowledgement, retries, refusals.
+"""Queries to one MeCom device and its answers: matching, acknowledgement, retries, refusals.
 
-Answers are matched by address and sequence number; all others (late answers of an earlier try) are dropped.
-A retry uses the same number, so that a late answer to the first try still counts.
+Answers are matched by address and sequence number; all others (late answers to an earlier attempt) are dropped.
+A retry uses the same number, so that a late answer to the first attempt still counts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 from picoradar.drivers.errors import DeviceFault, ProtocolError, Timeout, check_range
@@ -14,7 +13,6 @@ from picoradar.drivers.links import SerialLink
 from picoradar.drivers.links.retry import retry
 from picoradar.drivers.mecom.parameters import PARAMETERS, Kind, Parameter
 from picoradar.drivers.mecom.wire import (
-    ALL_ADDRESSES,
     END,
     REFUSALS,
     Frame,
@@ -32,14 +30,14 @@ LONGEST_ANSWER = 1024
 
 
 class Metadata(NamedTuple):
-    """What ``?VM`` tells of a parameter; bits of ``flags``: 0 readable, 1 writable."""
+    """What ``?VM`` reports about a parameter; bits of ``flags``: 0 readable, 1 writable."""
 
     kind: Kind
     flags: int
     instances: int
     elements: int
-    least: float
-    most: float
+    minimum: float
+    maximum: float
     value: float
 
 
@@ -53,7 +51,7 @@ class MeCom:
     address : int
         The device's address, 1 to 254, or 0 for any one device.
     first_sequence : int
-        Number of the first telegram, 0 to 65535. Different from start to start, it keeps a late answer to
+        Number of the first telegram, 0 to 65535. A different one at each start keeps late answers to
         an earlier program from being matched.
     """
 
@@ -72,42 +70,32 @@ class MeCom:
         DeviceFault
             When the device refuses; ``code`` is the device's.
         Timeout
-            When no answer came to three tries.
+            When no answer came to three attempts.
         ProtocolError
-            When only answers with a bad check sum or of a wrong form came.
+            When only answers with a bad check sum or of the wrong form came.
         LinkLost
             When the port has vanished.
         """
-        sequence, telegram = self._next(self.address, payload)
+        sequence, self._sequence = self._sequence, (self._sequence + 1) & 0xFFFF
+        telegram = encode("#", self.address, sequence, payload)
         answer = retry(TRIES, lambda: self._exchange(telegram, payload, sequence))
         if (code := answer.refusal) is not None:
             meaning = REFUSALS.get(code, "device specific refusal")
             raise DeviceFault(self.link.device, f"refused {payload}: {code:02X}, {meaning}", code=code)
         return answer.payload
 
-    def broadcast(self, payload: str) -> None:
-        """Send one telegram to all devices on the line; none answers."""
-        self.link.write(self._next(ALL_ADDRESSES, payload)[1])
-
     def get(self, number: int, *, instance: int = 1) -> float:
         """Read one parameter (``?VR``); an integer comes as a whole float."""
         return self._value(PARAMETERS[number], self.request(f"?VR{number:04X}{instance:02X}"))
 
-    def get_several(self, numbers: Sequence[int], *, instance: int = 1) -> list[float]:
-        """Read several parameters in one exchange (``?VX``)."""
-        rows = [PARAMETERS[number] for number in numbers]
-        ids = "".join(f"{row.number:04X}{1 if row.common else instance:02X}" for row in rows)
-        digits = self._of_length(f"?VX{len(rows):02X}{ids}", 8 * len(rows))
-        return [self._value(row, digits[8 * i : 8 * i + 8]) for i, row in enumerate(rows)]
-
     def limits(self, number: int, *, instance: int = 1) -> tuple[float, float]:
-        """Get the least and most value that the device takes for a parameter (``?VL``)."""
+        """Get the minimum and maximum value that the device accepts for a parameter (``?VL``)."""
         row = PARAMETERS[number]
         digits = self._of_length(f"?VL{number:04X}{instance:02X}", 16)
         return self._value(row, digits[:8]), self._value(row, digits[8:])
 
     def metadata(self, number: int, *, instance: int = 1) -> Metadata:
-        """Get what the device tells of a parameter (``?VM``)."""
+        """Get what the device reports about a parameter (``?VM``)."""
         row = PARAMETERS[number]
         digits = self._of_length(f"?VM{number:04X}{instance:02X}", 38)
         try:
@@ -127,28 +115,23 @@ class MeCom:
             When the value is out of range; nothing was sent.
         """
         row = PARAMETERS[number]
-        check_range(self.link.device, row.name, value, row.least, row.most)
+        check_range(self.link.device, row.name, value, row.minimum, row.maximum)
         digits = encode_float(value) if row.kind is Kind.FLOAT else encode_int(int(value))
         self.request(f"VS{number:04X}{instance:02X}{digits}")
 
-    def _next(self, address: int, payload: str) -> tuple[int, bytes]:
-        sequence = self._sequence
-        self._sequence = (sequence + 1) & 0xFFFF
-        return sequence, encode("#", address, sequence, payload)
-
     def _exchange(self, telegram: bytes, payload: str, sequence: int) -> Frame:
-        """Send, and read until the answer with this number comes; a spoilt one is remembered for the message."""
+        """Send, and read until the answer with this number comes; a corrupted one is remembered for the message."""
         command_crc = crc16(telegram[:-5])
         wanted = ("!", self.address, sequence)
         is_query = payload.startswith("?")
-        spoilt: bytes | None = None
+        corrupted: bytes | None = None
 
         def match(line: bytes) -> Frame | None:
-            nonlocal spoilt
+            nonlocal corrupted
             try:
                 frame = decode(line)
             except ValueError:
-                spoilt = line
+                corrupted = line
                 return None
             if frame[:3] != wanted:
                 return None  # a late answer to an earlier telegram, or another device's
@@ -156,16 +139,16 @@ class MeCom:
                 return frame
             if not is_query and frame.acknowledges(command_crc):
                 return frame
-            spoilt = line
+            corrupted = line
             return None
 
         self.link.write(telegram)
         try:
             return self.link.read_match(END, match, limit=LONGEST_ANSWER)
         except Timeout as error:
-            if spoilt is None:
+            if corrupted is None:
                 raise
-            what = f"spoilt answer {spoilt!r} to {payload}"
+            what = f"corrupted answer {corrupted!r} to {payload}"
             raise ProtocolError(self.link.device, what, "check the baud rate") from error
 
     def _of_length(self, payload: str, length: int) -> str:

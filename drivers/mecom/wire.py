@@ -60,7 +60,7 @@ ERRORS = {
 
 
 class Frame(NamedTuple):
-    """One frame taken apart; ``crc`` is as received and not judged yet, ``own_crc`` is what it should be."""
+    """One parsed frame; ``crc`` is as received and not checked yet, ``own_crc`` is what it should be."""
 
     control: str
     address: int
@@ -97,14 +97,14 @@ def encode(control: str, address: int, sequence: int, payload: str, *, crc: int 
 
 
 def decode(line: bytes) -> Frame:
-    """Take one frame apart.
+    """Parse one frame.
 
-    A control character starts a new frame, so what stands before the last one is dropped.
+    A control character starts a new frame, so everything before the last one is dropped.
 
     Raises
     ------
     ValueError
-        When the line holds no frame, or other than capital hex digits where they are due.
+        When the line holds no frame, or one with other than capital hex digits.
     """
     match = _FRAME.search(line)
     if match is None:

@@ -1,22 +1,22 @@
 """Sampling oscilloscope of the 86100 family: a second source of waveforms, over USBTMC and SCPI.
 
-It takes the place that the HP 54120B had: triggered at 20 kHz at the most, usually 16 averages. It has no gate in the
-trigger line; that of the sampling bridge is passed on. Source: protocol sheets ``dca_scpi_waveform.md``, ``usbtmc.md``.
+It has the role of the dissertation's HP 54120B: triggered at 20 kHz at the most, usually 16 averages. It has no gate in
+the trigger line; the sampling bridge has. Source: protocol sheets ``dca_scpi_waveform.md``, ``usbtmc.md``.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from picoradar.drivers.clock import Clock
 from picoradar.drivers.errors import DeviceError, DeviceFault, LimitError, ProtocolError, Timeout, check_range
 from picoradar.drivers.interfaces import Identity, Record, Sampler, SamplerStatus, SweepSettings
-from picoradar.drivers.links import INTERFACE_CLASS, UsbLink, Usbtmc
+from picoradar.drivers.links import INTERFACE_CLASS, UsbIdentity, UsbLink, Usbtmc
 from picoradar.drivers.oscilloscope.record import waveform_record
+from picoradar.drivers.oscilloscope.scpi import ScpiSession
 from picoradar.drivers.oscilloscope.waveform import BadWaveform, Preamble, decode_block, decode_words
 
 VENDOR_ID = 0x1209  # placeholder of the simulated instrument; name your own in the settings
@@ -27,7 +27,7 @@ AVERAGES_MAX = 4096
 STEP_MIN_PS = 0.1
 STEP_MAX_PS = 1e6
 QUIET_S = 0.5
-CODES = 50_000  # of a record over the vertical range: finer than the instrument's own, so nothing is lost
+CODES = 50_000  # codes of a record over the vertical range: finer than the instrument's own, so nothing is lost
 CODES_BELOW = 5_000  # room below the range, so that noise there stays positive
 
 
@@ -37,18 +37,11 @@ def oscilloscope_link(
     vendor_id: int = VENDOR_ID,
     product_id: int = PRODUCT_ID,
     serial_number: str | None = None,
-    backend: Any = None,
+    backend: object | None = None,
 ) -> UsbLink:
     """Make the link to an oscilloscope with a USB488 interface."""
-    return UsbLink(
-        vendor_id,
-        product_id,
-        clock,
-        device="oscilloscope",
-        serial_number=serial_number,
-        interface_class=INTERFACE_CLASS,
-        backend=backend,
-    )
+    identity = UsbIdentity(vendor_id, product_id, serial_number, INTERFACE_CLASS)
+    return UsbLink(identity, clock, device="oscilloscope", backend=backend)
 
 
 class Oscilloscope:
@@ -59,10 +52,10 @@ class Oscilloscope:
     tmc : Usbtmc
         Messages to the instrument.
     gate : Sampler, optional
-        Owner of the gate in the trigger line, normally the sampling bridge; without one the laser cannot be switched on
-        through this device.
+        The device that has the gate in the trigger line, normally the sampling bridge; without one the laser cannot be
+        switched on through this device.
     channel : int
-        Where the signal is plugged in.
+        Input channel of the signal.
     full_scale_v, offset_v : float
         Vertical range (8 divisions) and voltage at its centre.
     """
@@ -78,6 +71,7 @@ class Oscilloscope:
     ) -> None:
         self.tmc = tmc
         self.gate = gate
+        self._scpi = ScpiSession(tmc)
         self._channel = f"CHANnel{channel}"
         self.full_scale_v = full_scale_v
         self.offset_v = offset_v
@@ -87,7 +81,7 @@ class Oscilloscope:
 
     @property
     def zero_code(self) -> float:
-        """Get the code of 0 V in the records: a fixed scale over the vertical range, whatever the instrument's own."""
+        """Get the code of 0 V in the records: a fixed scale over the vertical range."""
         return CODES_BELOW + (self.full_scale_v / 2 - self.offset_v) * 1e3 / self.mv_per_code
 
     @property
@@ -96,24 +90,24 @@ class Oscilloscope:
         return self.full_scale_v * 1e3 / CODES
 
     def open(self) -> None:
-        """Open gate and instrument, set its answers to numbers without headers, and identify it."""
+        """Open gate and instrument, switch off the headers in its answers, and identify it."""
         if self.gate is not None:
             self.gate.open()
         self.tmc.open()
         try:
-            self._write("*CLS")
-            self._write(":SYSTem:HEADer OFF")
-            fields = [*self._ask("*IDN?").split(","), "", "", ""]
+            self._scpi.write("*CLS")
+            self._scpi.write(":SYSTem:HEADer OFF")
+            fields = [*self._scpi.query("*IDN?").split(","), "", "", ""]
             self._identity = Identity(" ".join(fields[:2]), fields[2], fields[3])
-            self._write(f":WAVeform:SOURce {self._channel};FORMat WORD;BYTeorder LSBFirst")
-            self._check_errors()
+            self._scpi.write(f":WAVeform:SOURce {self._channel};FORMat WORD;BYTeorder LSBFirst")
+            self._scpi.check_errors()
         except DeviceError:
             self.tmc.close()
             raise
         self._sweep = None
 
     def close(self) -> None:
-        """Release the instrument, and close the gate with its owner."""
+        """Release the instrument, and close the device that has the gate."""
         self.tmc.close()
         if self.gate is not None:
             self.gate.close()
@@ -128,7 +122,7 @@ class Oscilloscope:
         Raises
         ------
         LimitError
-            When a value is out of range; nothing was sent. Settle shots must be 0: the instrument has none.
+            When a value is out of range; nothing was sent. Settle shots must be 0: the instrument cannot discard any.
         DeviceFault
             When the instrument refuses or rounds a value.
         """
@@ -139,7 +133,9 @@ class Oscilloscope:
         if not 0 < sweep.prf_hz < math.inf:
             raise LimitError(self._device, f"PRF {sweep.prf_hz} Hz is not positive; nothing was sent")
         if sweep.settle_shots:
-            raise LimitError(self._device, f"settle shots {sweep.settle_shots}: it has none, set 0; nothing was sent")
+            raise LimitError(
+                self._device, f"settle shots {sweep.settle_shots}: it cannot discard any, set 0; nothing was sent"
+            )
         self._sweep = None
         for header, value in (
             (":TIMebase:RANGe", sweep.samples * sweep.step_ps * 1e-12),
@@ -149,9 +145,9 @@ class Oscilloscope:
             (":ACQuire:POINts", sweep.samples),
             (":ACQuire:COUNt", sweep.averages),
         ):
-            self._set(header, value)
-        self._write(":TRIGger:SOURce EXTernal;:ACQuire:AVERage ON")
-        self._check_errors()
+            self._scpi.set(header, value)
+        self._scpi.write(":TRIGger:SOURce EXTernal;:ACQuire:AVERage ON")
+        self._scpi.check_errors()
         if self.gate is not None:
             self.gate.configure(sweep)
         self._sweep = sweep
@@ -162,16 +158,16 @@ class Oscilloscope:
         Returns
         -------
         list of Record
-            Sums are the instrument's codes, moved to be positive; a clipped sample stands at the end of the scale.
+            Sums are the instrument's codes, shifted to be positive; a clipped sample is at the end of the scale.
 
         Raises
         ------
         DeviceFault
-            When it is not configured, or took the waveform on another time axis.
+            When it is not configured, or has used another time axis.
         Timeout
             When a waveform is not finished in time; the acquisition was aborted.
         ProtocolError
-            When an answer breaks the rules, or samples are missing (holes are never filled).
+            When an answer is malformed, or samples are missing (gaps are never filled).
         """
         sweep = self._sweep
         if sweep is None:
@@ -179,7 +175,7 @@ class Oscilloscope:
         return [self._record(sweep, run_id, number) for number in range(records)]
 
     def gate_on(self) -> None:
-        """Open the way for triggers to the laser, through the owner of the gate.
+        """Let triggers through to the laser, by the device that has the gate.
 
         Raises
         ------
@@ -191,7 +187,7 @@ class Oscilloscope:
         self.gate.gate_on()
 
     def gate_off(self) -> None:
-        """Close the way for triggers to the laser; without an owner of the gate it was never opened from here."""
+        """Block the triggers to the laser; without a gate they were never let through from here."""
         if self.gate is not None:
             self.gate.gate_off()
 
@@ -211,25 +207,17 @@ class Oscilloscope:
 
     def status(self) -> SamplerStatus:
         """Measure the present state: that of the gate, with the instrument's error queue."""
-        problems = self._errors()
+        problems = self._scpi.errors()
         if self.gate is None:
             return SamplerStatus("idle", "off", False, False, 0.0, 0.0, "; ".join([*problems, "no trigger gate"]))
         gate = self.gate.status()
         problem = "; ".join([p for p in (gate.problem, *problems) if p])
-        return SamplerStatus(
-            gate.state,
-            gate.gate,
-            gate.interlock_closed,
-            gate.trigger_present,
-            gate.trigger_hz,
-            gate.watchdog_left_s,
-            problem,
-        )
+        return replace(gate, problem=problem, clock_locked=True)  # the bridge's clock does not time these records
 
     def _record(self, sweep: SweepSettings, run_id: int, number: int) -> Record:
         record_s = sweep.averages * sweep.samples / min(sweep.prf_hz, RATE_MAX_HZ)
         begin = self.tmc.link.clock.now()
-        self._write(f":DIGitize {self._channel};*OPC?")
+        self._scpi.write(f":DIGitize {self._channel};*OPC?")
         try:
             self.tmc.read(timeout_s=3 * record_s + QUIET_S)
         except Timeout as late:
@@ -237,7 +225,7 @@ class Oscilloscope:
             remedy = "check that the triggers run and reach its trigger input"
             raise Timeout(self._device, f"no waveform within {3 * record_s + QUIET_S:.1f} s", remedy) from late
         try:
-            preamble = Preamble.decode(self._ask(":WAVeform:PREamble?"))
+            preamble = Preamble.decode(self._scpi.query(":WAVeform:PREamble?"))
             codes = decode_words(decode_block(self.tmc.query(b":WAVeform:DATA?\n")), preamble)
             self._check_axis(preamble, sweep)
             taken = waveform_record(preamble, codes, run_id=run_id, number=number, time_us=round(begin * 1e6))
@@ -256,35 +244,5 @@ class Oscilloscope:
             raise DeviceFault(
                 self._device,
                 f"took {preamble.points} points of {preamble.x_increment * 1e12:.4f} ps from {first_ps:.3f} ps, "
-                f"asked were {sweep.samples} of {sweep.step_ps:.4f} ps from {sweep.start_ps:.3f} ps",
+                f"not {sweep.samples} of {sweep.step_ps:.4f} ps from {sweep.start_ps:.3f} ps",
             )
-
-    def _set(self, header: str, value: float) -> None:
-        self._write(f"{header} {value:.9G}")
-        answer = self._ask(f"{header}?")
-        try:
-            found = float(answer)
-        except ValueError as error:
-            raise ProtocolError(self._device, f"{header}? was answered with {answer!r}") from error
-        if not math.isclose(found, value, rel_tol=1e-7, abs_tol=1e-15):
-            raise DeviceFault(self._device, f"{header} reads back as {found:g} after {value:g} was set")
-
-    def _write(self, command: str) -> None:
-        self.tmc.write(command.encode("ascii") + b"\n")
-
-    def _ask(self, query: str) -> str:
-        return self.tmc.query(query.encode("ascii") + b"\n").decode("ascii", "replace").strip()
-
-    def _errors(self) -> list[str]:
-        errors: list[str] = []
-        for _ in range(64):  # an instrument that never runs dry is left alone
-            answer = self._ask(":SYSTem:ERRor?")
-            if answer.split(",")[0].strip() in ("0", "+0"):
-                break
-            errors.append(answer)
-        return errors
-
-    def _check_errors(self) -> None:
-        errors = self._errors()
-        if errors:
-            raise DeviceFault(self._device, "reports " + "; ".join(errors), code=errors[0].split(",")[0])

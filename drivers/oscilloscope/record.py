@@ -13,8 +13,8 @@ from picoradar.drivers.oscilloscope.waveform import (
     CLIPPED_HIGH,
     CLIPPED_LOW,
     HOLE,
-    LEAST_CODE,
-    MOST_CODE,
+    MAX_CODE,
+    MIN_CODE,
     BadWaveform,
     Preamble,
 )
@@ -34,26 +34,26 @@ def waveform_record(preamble: Preamble, codes: NDArray[np.int16], *, run_id: int
     Returns
     -------
     Record
-        Sums are the codes, moved to be positive, of one sweep; a clipped sample stands at the end of the scale.
+        Sums are the codes of one sweep, shifted to be positive; a clipped sample is at the end of the scale.
 
     Raises
     ------
     BadWaveform
-        When samples are missing: holes are never filled.
+        When samples are missing: gaps are never filled.
     """
     high, low = codes == CLIPPED_HIGH, codes == CLIPPED_LOW
     missing = int(((codes >= HOLE) & ~high & ~low).sum())
     if missing:
         raise BadWaveform(f"{missing} of {len(codes)} samples were not taken")
-    held = np.where(high, MOST_CODE, np.where(low, LEAST_CODE, codes)).astype(np.int32)
+    held = np.where(high, MAX_CODE, np.where(low, MIN_CODE, codes)).astype(np.int32)
     zero_code = preamble.y_reference - preamble.y_origin / preamble.y_increment
     return Record(
         run_id=run_id,
         number=number,
-        sums=(held - LEAST_CODE).astype(np.uint32),
+        sums=(held - MIN_CODE).astype(np.uint32),
         sweeps=1,
         times_ps=preamble.times_s() * 1e12,
-        zero_code=zero_code - LEAST_CODE,
+        zero_code=zero_code - MIN_CODE,
         mv_per_code=preamble.y_increment * 1e3,
         clipped=bool(high.any() or low.any()),
         trigger_lost=False,

@@ -1,4 +1,4 @@
-"""Waveforms of the 86100 family over SCPI, wire half: blocks, preamble and codes as pure data.
+"""Waveforms of the 86100 family at the wire: blocks, preamble and codes as pure data.
 
 Source: protocol sheet ``dca_scpi_waveform.md``.
 """
@@ -10,16 +10,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-HOLE = 31232  # codes of WORD that are no voltage
+HOLE = 31232  # from here on codes of WORD are not voltages
 CLIPPED_LOW = 31744
 CLIPPED_HIGH = 32256
-LEAST_CODE = -32768
-MOST_CODE = HOLE - 1
+MIN_CODE = -32768
+MAX_CODE = HOLE - 1
 WORD = 2  # format number in the preamble
 
 
 class BadWaveform(ValueError):
-    """A block or a preamble that breaks its own rules."""
+    """A block or a preamble that is malformed."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Preamble:
         return (np.arange(self.points, dtype=np.float64) - self.x_reference) * self.x_increment + self.x_origin
 
     def volts(self, codes: NDArray[np.int16]) -> NDArray[np.float64]:
-        """Get the (points,) voltages; holes and clipped samples are NaN, for they are no voltages."""
+        """Get the (points,) voltages; NaN for missing and clipped samples, whose codes are not voltages."""
         volts = (codes.astype(np.float64) - self.y_reference) * self.y_increment + self.y_origin
         volts[codes >= HOLE] = np.nan
         return volts
@@ -108,7 +108,7 @@ def decode_block(message: bytes) -> bytes:
     if len(number) < digits or not number.isdigit():
         raise BadWaveform(f"no length of {digits} digits: begins with {message[:12]!r}")
     begin, end = 2 + digits, 2 + digits + int(number)
-    if message[end:] != b"\n":  # without the LF a byte may be missing
+    if message[end:] != b"\n":  # without the final LF a byte may be missing
         raise BadWaveform(f"block says {int(number)} bytes, the message has {len(message) - begin}")
     return message[begin:end]
 
@@ -119,7 +119,7 @@ def decode_words(block: bytes, preamble: Preamble) -> NDArray[np.int16]:
     Raises
     ------
     BadWaveform
-        When the preamble is not that of this block.
+        When the preamble belongs to another block.
     """
     if preamble.format != WORD or len(block) != 2 * preamble.points:
         raise BadWaveform(

@@ -1,1 +1,6 @@
-"""The temperature controller Thorlabs TC200: the example of another maker's device behind the same interface."""
+"""The heater controller Thorlabs TC200: another maker's device behind the same interface."""
+
+from picoradar.drivers.tc200.driver import TC200
+from picoradar.drivers.tc200.wire import Mode, Sensor, Status
+
+__all__ = ["TC200", "Mode", "Sensor", "Status"]

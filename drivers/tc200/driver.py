@@ -1,20 +1,16 @@
-"""Thorlabs TC200 heater controller: the example of a device that echoes (protocol sheet ``thorlabs_tc200``).
+"""Thorlabs TC200 heater controller (protocol sheet ``thorlabs_tc200``).
 
-It only heats, so it cannot hold a laser diode at 23 degC in a warm room; where heating is enough it satisfies
-the same interface as the bench's own controller. Answers are matched by their echo.
+It only heats, so it cannot hold a laser diode at 23 degC in a warm room; where heating is enough it serves in place of
+the bench's own controller.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TypeVar
-
 from picoradar.drivers.errors import DeviceFault, ProtocolError, check_range
 from picoradar.drivers.interfaces import Identity, TemperatureStatus
 from picoradar.drivers.links import SerialLink, read_number
-from picoradar.drivers.links.retry import retry
+from picoradar.drivers.tc200.session import Tc200Session
 from picoradar.drivers.tc200.wire import (
-    PROMPT,
     Mode,
     Sensor,
     Status,
@@ -23,19 +19,12 @@ from picoradar.drivers.tc200.wire import (
     read_status,
     read_temperature,
     refusal_in,
-    split_answer,
 )
 
-BAUD = 115200
-LEAST_DEGC, MOST_DEGC = 20.0, 205.0
-LONGEST_ANSWER = 512
-LATE_S = 0.1
-TRIES = 3
-
-T = TypeVar("T")
+MIN_DEGC, MAX_DEGC = 20.0, 205.0
 
 
-class TC200:
+class TC200(Tc200Session):
     """One heater controller; satisfies `picoradar.drivers.interfaces.TemperatureController`.
 
     Parameters
@@ -43,60 +32,54 @@ class TC200:
     link : SerialLink
         The line to it; owned by this object from now on.
     stable_within_degc : float
-        The device has no measure of stability: it counts as stable this near to its target.
+        The device has no criterion of stability: within this distance of its target it counts as stable.
     """
 
     def __init__(self, link: SerialLink, *, stable_within_degc: float = 0.2) -> None:
-        self.link = link
+        super().__init__(link)
         self.stable_within_degc = stable_within_degc
-        self._in_step = True  # False after a failure: late answers may still come
-
-    @property
-    def device(self) -> str:
-        """Get the device's name for messages."""
-        return self.link.device
 
     @property
     def temperature_degc(self) -> float:
         """Measure the temperature in degC."""
-        return self._read("tact?", read_temperature)
+        return self._read("tact?", read_temperature, "a temperature")
 
     @property
     def target_degc(self) -> float:
         """Control the target in degC (float from 20 to the largest temperature)."""
-        return self._read("tset?", read_temperature)
+        return self._read("tset?", read_temperature, "a temperature")
 
     @target_degc.setter
     def target_degc(self, value: float) -> None:
-        check_range(self.device, "target", value, LEAST_DEGC, self.largest_degc, "degC")
+        check_range(self.device, "target", value, MIN_DEGC, self.largest_degc, "degC")
         self.command(f"tset={value:.1f}")
 
     @property
     def largest_degc(self) -> float:
         """Control the largest temperature in degC (float from 20 to 205)."""
-        return self._read("tmax?", read_temperature)
+        return self._read("tmax?", read_temperature, "a temperature")
 
     @largest_degc.setter
     def largest_degc(self, value: float) -> None:
-        check_range(self.device, "largest temperature", value, LEAST_DEGC, MOST_DEGC, "degC")
+        check_range(self.device, "largest temperature", value, MIN_DEGC, MAX_DEGC, "degC")
         self.command(f"tmax={value:.1f}")
 
     @property
     def gains(self) -> tuple[int, int, int]:
         """Control the gains P, I and D (int from 1 to 250; I and D from 0)."""
-        return self._read("pid?", read_gains)
+        return self._read("pid?", read_gains, "three gains")
 
     @gains.setter
     def gains(self, gains: tuple[int, int, int]) -> None:
-        for name, value, least in zip(("pgain", "igain", "dgain"), gains, (1, 0, 0), strict=True):
-            check_range(self.device, name, value, least, 250)
+        for name, value, minimum in zip(("pgain", "igain", "dgain"), gains, (1, 0, 0), strict=True):
+            check_range(self.device, name, value, minimum, 250)
         for name, value in zip(("pgain", "igain", "dgain"), gains, strict=True):
             self.command(f"{name}={value:d}")
 
     @property
     def largest_power_w(self) -> float:
         """Control the largest heating power in W (float from 0.1 to 18)."""
-        return self._read("pmax?", read_number)
+        return self._read("pmax?", read_number, "a number")
 
     @largest_power_w.setter
     def largest_power_w(self, value: float) -> None:
@@ -106,7 +89,7 @@ class TC200:
     @property
     def beta(self) -> int:
         """Control the beta of a thermistor (int from 2000 to 6000)."""
-        return int(self._read("beta?", read_number))
+        return int(self._read("beta?", read_number, "a number"))
 
     @beta.setter
     def beta(self, value: int) -> None:
@@ -121,14 +104,14 @@ class TC200:
     @mode.setter
     def mode(self, mode: Mode) -> None:
         answer = self.query(f"mode={mode.name.lower()}")
-        # Normal is answered with a range error although it is carried out.
+        # The device answers this one with a range error although it carries it out.
         if mode is Mode.CYCLE or refusal_in(answer) != "CMD_ARG_RANGE_ERR":
-            self._refuse(f"mode={mode.name.lower()}", answer)
+            self._check(f"mode={mode.name.lower()}", answer)
 
     @property
     def status_bits(self) -> Status:
         """Get the status byte (`Status`)."""
-        return self._read("stat?", read_status)
+        return self._read("stat?", read_status, "a status byte")
 
     def select_sensor(self, sensor: Sensor) -> None:
         """Choose the temperature sensor."""
@@ -146,29 +129,12 @@ class TC200:
         DeviceFault
             When the heater cannot be verified off.
         """
-        self.link.open()
-        self.link.write(encode(""))
-        self.link.drain(quiet_s=LATE_S)
-        self._in_step = True
+        self._open_line(encode(""))
         self.identify()
         self.command("unit=c")
         if not self.status_bits.celsius:
-            raise DeviceFault(self.device, "unit is not degC after it was set to it")
+            raise DeviceFault(self.device, "unit is not degC after it was set to degC")
         self.off()
-
-    def close(self) -> None:
-        """Switch the heater off and close the line; harmless when it is closed or has vanished.
-
-        Raises
-        ------
-        DeviceError
-            When the heater could not be verified off; the line is closed all the same.
-        """
-        try:
-            if self.link.is_open:
-                self.off()
-        finally:
-            self.link.close()
 
     def identify(self) -> Identity:
         """Get model and firmware.
@@ -202,53 +168,12 @@ class TC200:
         near = abs(temperature - target) <= self.stable_within_degc
         return TemperatureStatus(temperature, target, regulating, stable=regulating and near)
 
-    def command(self, text: str) -> None:
-        """Send a command that has no answer of its own."""
-        self._refuse(text, self.query(text))
-
-    def query(self, text: str) -> str:
-        """Send one command and get its answer, matched by the echo; two retries of what ends with ``?``.
-
-        Raises
-        ------
-        Timeout, ProtocolError, LinkLost
-            When no answer, or none in its form, came.
-        """
-        return retry(TRIES if text.endswith("?") else 1, lambda: self._exchange(text))
-
-    def _exchange(self, text: str) -> str:
-        if not self._in_step:
-            self.link.drain(quiet_s=LATE_S)
-        self._in_step = False
-        self.link.write(encode(text))
-
-        def match(received: bytes) -> str | None:
-            try:
-                echo, answer = split_answer(received)
-            except ValueError as error:
-                raise ProtocolError(self.device, f"unreadable answer: {error}", "check the baud rate") from error
-            return answer if echo.strip() == text else None
-
-        answer = self.link.read_match(PROMPT, match, limit=LONGEST_ANSWER)
-        self._in_step = True
-        return answer
-
     def _switch(self, *, on: bool) -> None:
         if (Status.ENABLED in self.status_bits) is not on:
-            self.command("ens")  # toggles, so it is never sent again without a look at the status
+            self.command("ens")  # toggles, so the status is read before it is sent again
         if (Status.ENABLED in self.status_bits) is not on:
             what = f"heater is {'off' if on else 'on'} after it was switched {'on' if on else 'off'}"
             raise DeviceFault(self.device, what, "check the sensor, or switch the heater off by hand")
 
-    def _refuse(self, text: str, answer: str) -> None:
-        if (code := refusal_in(answer)) is not None:
-            raise DeviceFault(self.device, f"refused {text}: {code}", code=code)
-
-    def _read(self, text: str, convert: Callable[[str], T]) -> T:
-        answer = self.query(text)
-        self._refuse(text, answer)
-        try:
-            return convert(answer)
-        except ValueError as error:
-            self._in_step = False
-            raise ProtocolError(self.device, f"answered {answer!r} to {text}: {error}") from error
+    def _make_safe(self) -> None:
+        self.off()

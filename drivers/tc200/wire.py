@@ -54,7 +54,7 @@ def encode(command: str) -> bytes:
 
 
 def split_answer(received: bytes) -> tuple[str, str]:
-    """Take what came up to and including a prompt apart: echo and answer.
+    """Split what came up to and including a prompt into echo and answer.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def read_gains(answer: str) -> tuple[int, int, int]:
     Raises
     ------
     ValueError
-        When it is no three integers.
+        When it is not three integers.
     """
     if not re.fullmatch(r"\d{1,3} \d{1,3} \d{1,3}", answer, re.ASCII):
         raise ValueError(f"{answer!r} are no three gains")

@@ -56,9 +56,9 @@ def temperature(device: Tec, settings: Settings, *, acknowledge: bool) -> Iterat
     if status.problem:
         yield f"{status.problem}: find the cause, then picoradar doctor --acknowledge (resets it)"
     target = settings.diode.target_degc
-    least, most = device.lower_threshold_degc, device.upper_threshold_degc
-    if not least < target < most:
-        yield f"its error thresholds are {least:g} to {most:g} degC, the target is {target:g} degC: set them wider"
+    minimum, maximum = device.lower_threshold_degc, device.upper_threshold_degc
+    if not minimum < target < maximum:
+        yield f"its error thresholds are {minimum:g} to {maximum:g} degC, the target is {target:g} degC: set them wider"
     if device.current_limit_a <= 0:
         yield "its current limit is 0 A, so it cannot regulate: set the limit of your Peltier element"
 

@@ -17,7 +17,7 @@ from picoradar.drivers.interfaces import Device
 from picoradar.drivers.oscilloscope import driver as oscilloscope
 from picoradar.instrument.bench import device_checks as checks
 from picoradar.instrument.bench.opening import DeviceMaker
-from picoradar.instrument.bench.port_probe import who_answers
+from picoradar.instrument.bench.port_probe import identify_port
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.settings import Settings
 
@@ -118,7 +118,7 @@ def _serial(
     finding, error = _examined(name, url, maker, check)
     if not isinstance(error, (Timeout, ProtocolError)):
         return finding
-    answer = who_answers(url, make.clock, expected=name, baud=baud, genesys_address=make.links.genesys_address)
+    answer = identify_port(url, make.clock, expected=name, baud=baud, genesys_address=make.links.genesys_address)
     if answer is None:
         return finding
     if answer.kind != name:

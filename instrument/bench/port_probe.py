@@ -74,7 +74,7 @@ def kinds(genesys_address: int) -> tuple[Kind, ...]:
     )
 
 
-def who_answers(url: str, clock: Clock, *, expected: str, baud: int, genesys_address: int) -> Answer | None:
+def identify_port(url: str, clock: Clock, *, expected: str, baud: int, genesys_address: int) -> Answer | None:
     """Ask until somebody answers; None when nobody does, or the port cannot be opened.
 
     Parameters

@@ -52,10 +52,10 @@ def angles_to_codes(angles_rad: ArrayLike, field_deg: float) -> NDArray[np.int64
     outside = ~((wanted >= -0.5) & (wanted < CODES - 0.5))  # also true for NaN
     if np.any(outside):
         degrees = float(np.rad2deg(angles[outside].flat[0]))
-        least, most = -field_deg / 2, field_deg / 2 * (1 - 2 / CODES)
+        minimum, maximum = -field_deg / 2, field_deg / 2 * (1 - 2 / CODES)
         raise LimitError(
             "galvo",
-            f"an optical angle of {degrees:.3f} deg is outside its span of {least:.3f} to {most:.3f} deg",
+            f"an optical angle of {degrees:.3f} deg is outside its span of {minimum:.3f} to {maximum:.3f} deg",
             "a smaller raster, a larger distance, or a larger field_deg",
         )
     return np.asarray(np.rint(wanted), dtype=np.int64)

@@ -84,7 +84,7 @@ class Person:
                 found = ()
             if len(found) == len(allowed) and all(a <= x <= b for x, (a, b) in zip(found, allowed, strict=True)):
                 return found
-            form = ", ".join(f"a number from {least:g} to {most:g}" for least, most in allowed)
+            form = ", ".join(f"a number from {minimum:g} to {maximum:g}" for minimum, maximum in allowed)
             sys.stderr.write(f"{answer!r} cannot be used: give {form}; or q to stop\n")
 
     def _read(self) -> None:

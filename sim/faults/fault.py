@@ -17,7 +17,7 @@ class _Part(BaseModel):
 
 
 class At(_Part):
-    """When a fault strikes; exactly one of the four."""
+    """When a fault schedule; exactly one of the four."""
 
     time_s: float | None = Field(None, ge=0, description="from this moment on the bench's clock, s")
     command: int | None = Field(None, ge=1, description="at the n-th message on the link")
@@ -45,7 +45,7 @@ class Fault(_Part):
     lasts_s : float, optional
         How long it goes on; without it, for good (a state) or for ``count`` messages.
     count : int, optional
-        How many messages it strikes; without it, one, or all while it lasts.
+        How many messages it schedule; without it, one, or all while it lasts.
     parameters : dict
         As the kind says.
     """

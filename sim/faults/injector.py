@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 from picoradar.sim.faults.fault import SERIAL, Fault
 from picoradar.sim.faults.kind import Kind, Site
 from picoradar.sim.faults.kinds import KINDS
-from picoradar.sim.faults.when import Strikes
+from picoradar.sim.faults.when import InjectionSchedule
 
 if TYPE_CHECKING:
     from picoradar.sim.bench import SimulatedBench
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _Message = TypeVar("_Message")
 
 
-def arm(bench: SimulatedBench, faults: Iterable[Fault]) -> Sequence[Strikes]:
+def arm(bench: SimulatedBench, faults: Iterable[Fault]) -> Sequence[InjectionSchedule]:
     """Hang faults into a bench.
 
     Parameters
@@ -28,22 +28,22 @@ def arm(bench: SimulatedBench, faults: Iterable[Fault]) -> Sequence[Strikes]:
 
     Returns
     -------
-    sequence of Strikes
+    sequence of InjectionSchedule
         One for each fault; tells when it struck first.
     """
     return [_arm_one(bench, number, fault) for number, fault in enumerate(faults)]
 
 
-def _arm_one(bench: SimulatedBench, number: int, fault: Fault) -> Strikes:
+def _arm_one(bench: SimulatedBench, number: int, fault: Fault) -> InjectionSchedule:
     kind = KINDS[fault.kind]
     rng = bench.noise.stream("faults", number)
-    strikes = Strikes(fault, bench.clock, lambda: bench.signal.shots, rng)
-    site = Site(bench, fault, {**kind.defaults, **fault.parameters}, strikes, rng)
+    schedule = InjectionSchedule(fault, bench.clock, lambda: bench.signal.shots, rng)
+    site = Site(bench, fault, {**kind.defaults, **fault.parameters}, schedule, rng)
     if kind.hang is not None:
         kind.hang(site)
     else:
         _await(site, kind)
-    return strikes
+    return schedule
 
 
 def _await(site: Site, kind: Kind) -> None:
@@ -53,7 +53,7 @@ def _await(site: Site, kind: Kind) -> None:
 
     def strike() -> None:
         nonlocal begun
-        if begun or kind.begin is None or not site.strikes.now():
+        if begun or kind.begin is None or not site.schedule.now():
             return
         begun = True
         end = kind.begin(site)

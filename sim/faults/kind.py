@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from picoradar.sim.faults.fault import Fault, Link
-from picoradar.sim.faults.when import Strikes
+from picoradar.sim.faults.when import InjectionSchedule
 
 if TYPE_CHECKING:
     from picoradar.sim.bench import SimulatedBench
@@ -26,7 +26,7 @@ class Site:
     fault : Fault
     parameters : mapping
         Of the fault, with the kind's defaults filled in.
-    strikes : Strikes
+    schedule : InjectionSchedule
         Asked once for each message.
     rng : numpy.random.Generator
     """
@@ -34,7 +34,7 @@ class Site:
     bench: SimulatedBench
     fault: Fault
     parameters: Mapping[str, float]
-    strikes: Strikes
+    schedule: InjectionSchedule
     rng: np.random.Generator
 
     @property
@@ -62,7 +62,7 @@ class Kind:
     meaning : str
         What goes wrong, in a few words.
     hang : callable, optional
-        ``hang(site)`` hangs it into the messages of its link; it asks ``site.strikes`` at each of them.
+        ``hang(site)`` hangs it into the messages of its link; it asks ``site.schedule`` at each of them.
     begin : callable, optional
         ``begin(site)`` brings a state about and returns what ends it.
     defaults : dict

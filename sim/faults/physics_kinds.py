@@ -41,8 +41,8 @@ def _stuck(site: Site) -> End:
 
 
 def _limited(site: Site) -> End:
-    most = site.parameters["most"]
-    return _mirrors(lambda x, y: (max(-most, min(most, x)), max(-most, min(most, y))), site)
+    maximum = site.parameters["limit"]
+    return _mirrors(lambda x, y: (max(-maximum, min(maximum, x)), max(-maximum, min(maximum, y))), site)
 
 
 def _ringing(site: Site) -> End:
@@ -132,7 +132,7 @@ PHYSICS_KINDS: dict[str, Kind] = {
     "interlock_opened": Kind(BENCH, "lid, key switch or a monitor opens the interlock chain", begin=_interlock),
     "bridge_clock": Kind(BENCH, "the delay clock is not locked", begin=_clock_unlocked, defaults={"rate": 1.02}),
     "mirror_stuck": Kind(BENCH, "the mirrors stay where they are", begin=_stuck),
-    "mirror_limited": Kind(BENCH, "the mirrors do not reach their place", begin=_limited, defaults={"most": 0.02}),
+    "mirror_limited": Kind(BENCH, "the mirrors do not reach their place", begin=_limited, defaults={"limit": 0.02}),
     "mirror_ringing": Kind(
         BENCH, "the mirrors swing", begin=_ringing, defaults={"amplitude": 0.05, "period_s": 0.02}
     ),

@@ -16,7 +16,7 @@ def _replies(mangle: Mangle) -> Callable[[Site], None]:
 
     def hang(site: Site) -> None:
         def hook(data: bytes, delay_s: float) -> Pieces:
-            return mangle(site, data, delay_s) if site.strikes.now() else [(data, delay_s)]
+            return mangle(site, data, delay_s) if site.schedule.now() else [(data, delay_s)]
 
         site.serial.to_host.append(hook)
 
@@ -27,7 +27,7 @@ def _commands(mangle: Callable[[Site, bytes], bytes]) -> Callable[[Site], None]:
     """Hang a function of the command into the way to the device."""
 
     def hang(site: Site) -> None:
-        site.serial.to_device.append(lambda data: mangle(site, data) if site.strikes.now() else data)
+        site.serial.to_device.append(lambda data: mangle(site, data) if site.schedule.now() else data)
 
     return hang
 
@@ -70,7 +70,7 @@ def _merge(site: Site) -> None:
     held: list[bytes] = []
 
     def hook(data: bytes, delay_s: float) -> Pieces:
-        if site.strikes.now():
+        if site.schedule.now():
             held.append(data)
             return []
         joined = b"".join([*held, data])
@@ -82,7 +82,7 @@ def _merge(site: Site) -> None:
 
 def _echo(site: Site) -> None:
     def hook(data: bytes) -> bytes:
-        if site.strikes.now():
+        if site.schedule.now():
             site.serial.say(data)
         return data
 

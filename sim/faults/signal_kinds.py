@@ -16,12 +16,12 @@ REFERENCE_ENDS_PS = 8300.0  # the reference crosses at about 7.3 ns, an echo at 
 FULL_CODE = 255
 
 
-def _after(spoil: Callable[[Site, Sums, Acquisition], Sums]) -> Callable[[Site], End]:
+def _after(corrupt: Callable[[Site, Sums, Acquisition], Sums]) -> Callable[[Site], End]:
     """Change the sums of every window while the fault lasts."""
 
     def begin(site: Site) -> End:
         def hook(sums: Sums, wanted: Acquisition) -> Sums:
-            return spoil(site, sums, wanted)
+            return corrupt(site, sums, wanted)
 
         site.bench.signal.after.append(hook)
         return lambda: site.bench.signal.after.remove(hook)

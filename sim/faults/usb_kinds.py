@@ -24,7 +24,7 @@ def _frames(mangle: Callable[[Site, bytes], bytes | None]) -> Callable[[Site], N
 
         def fault(frame: bytes) -> bytes | None:
             queued = frame if earlier is None else earlier(frame)
-            return mangle(site, queued) if queued is not None and site.strikes.now() else queued
+            return mangle(site, queued) if queued is not None and site.schedule.now() else queued
 
         queue.fault = fault
 
@@ -38,7 +38,7 @@ def _transfers(change: Callable[[Site, bytes], list[InTransfer]]) -> Callable[[S
         device = _device(site)
 
         def tamper(endpoint: int, data: bytes) -> list[InTransfer]:
-            struck = endpoint == sbp.EP_DATA and site.strikes.now()
+            struck = endpoint == sbp.EP_DATA and site.schedule.now()
             return change(site, data) if struck else [InTransfer(data)]
 
         device.tamper = tamper
@@ -78,7 +78,7 @@ def _requests(act: Callable[[Site, Setup], None]) -> Callable[[Site], None]:
 
     def hang(site: Site) -> None:
         def hook(setup: Setup) -> None:
-            if site.strikes.now():
+            if site.schedule.now():
                 act(site, setup)
 
         site.usb.before.append(hook)
@@ -110,7 +110,7 @@ def _ignore(request: Request, value: int | None = None) -> Callable[[Site], None
     def hang(site: Site) -> None:
         def hook(setup: Setup, _data: bytes) -> bool:
             meant = setup.request == request and (value is None or setup.value == value)
-            return meant and site.strikes.now()
+            return meant and site.schedule.now()
 
         site.usb.ignored.append(hook)
 
@@ -119,7 +119,7 @@ def _ignore(request: Request, value: int | None = None) -> Callable[[Site], None
 
 def _status_flipped(site: Site) -> None:
     def change(setup: Setup, answer: bytes) -> bytes:
-        return flipped(site, answer) if setup.request == Request.GET_STATUS and site.strikes.now() else answer
+        return flipped(site, answer) if setup.request == Request.GET_STATUS and site.schedule.now() else answer
 
     site.usb.answers.append(change)
 

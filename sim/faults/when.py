@@ -1,4 +1,4 @@
-"""`Strikes`: decides, message by message, whether a fault strikes now."""
+"""`InjectionSchedule`: decides, message by message, whether a fault schedule now."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from picoradar.drivers.clock import Clock
 from picoradar.sim.faults.fault import Fault
 
 
-class Strikes:
-    """Counts the messages on a link and tells at which of them a fault strikes.
+class InjectionSchedule:
+    """Counts the messages on a link and tells at which of them a fault schedule.
 
     Parameters
     ----------

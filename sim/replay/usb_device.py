@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from picoradar.drivers.clock import VirtualClock
-from picoradar.drivers.links import Event
+from picoradar.drivers.links import Event, EventDetails, InterfaceDetails
 from picoradar.sim.replay.script import Script
 from picoradar.sim.usb import HIGH_SPEED, Configuration, Device, Endpoint, Interface, Setup, UsbStall
 
@@ -41,7 +40,7 @@ class UsbReplay:
         came = f"request {setup} {data.hex()}"
         event = self._script.expect("control", came)
         asked = {"kind": setup.request_type, "request": setup.request, "value": setup.value, "index": setup.index}
-        if any(event.more[key] != value for key, value in asked.items()):
+        if any(event.more.get(key) != value for key, value in asked.items()):
             raise self._script.refuse(came)
         if not setup.to_host and event.data != data:
             raise self._script.refuse(came)
@@ -68,17 +67,17 @@ class UsbReplay:
         return self._played(event)
 
     def configured(self, value: int) -> None:
-        """Take note of nothing: a transcript has no configurations."""
+        """Ignore it: a transcript has no configurations."""
 
     def alternate_selected(self, interface: int, alternate: int) -> None:
-        """Take note of nothing: a transcript begins after it."""
+        """Ignore it: a transcript begins after it."""
 
     def halt_cleared(self, endpoint: int) -> None:
         """Play the transcript's next clearing of a halt."""
         self._played(self._script.expect("clear_halt", f"clear the halt of endpoint {endpoint:#04x}"))
 
     def bus_reset(self) -> None:
-        """Take note of nothing."""
+        """Ignore it."""
 
     def _played(self, event: Event) -> bytes:
         self._script.pass_on()
@@ -88,12 +87,9 @@ class UsbReplay:
         return event.data
 
 
-def _descriptors(opened: dict[str, Any]) -> Device:
-    """Make a device like the one of the transcript."""
-    interfaces = tuple(
-        Interface(tuple(Endpoint(*e) for e in i["endpoints"]), i["number"], i["alternate"], *i["class"])
-        for i in opened["interfaces"]
-    )
+def _descriptors(opened: EventDetails) -> Device:
+    """Make the descriptors of the device in the transcript."""
+    interfaces = tuple(_interface(details) for details in opened["interfaces"])
     strings = [text or "" for text in opened["strings"]]
     return Device(
         opened["idVendor"],
@@ -106,6 +102,12 @@ def _descriptors(opened: dict[str, Any]) -> Device:
         iSerialNumber=3 if strings[2] else 0,
         speed=opened["speed"],
     )
+
+
+def _interface(details: InterfaceDetails) -> Interface:
+    endpoints = tuple(Endpoint(address, kind, size, interval) for address, kind, size, interval in details["endpoints"])
+    kind, subclass, protocol = details["class"]
+    return Interface(endpoints, details["number"], details["alternate"], kind, subclass, protocol)
 
 
 def _nothing() -> None:

@@ -53,7 +53,7 @@ class EventLoop:
         self._selector.register(source, selectors.EVENT_READ, ready)
 
     def forget(self, source: HasFileno | int) -> None:
-        """Look at ``source`` no more; call it before closing it."""
+        """SupplyState at ``source`` no more; call it before closing it."""
         self._selector.unregister(source)
 
     def every_turn(self, pump: Callable[[], None]) -> None:
@@ -77,7 +77,7 @@ class EventLoop:
         self._pace.sleep(self.clock.now() - self._due_s())
 
     def close(self) -> None:
-        """Look at nothing any more."""
+        """SupplyState at nothing any more."""
         self._selector.close()
 
     def _due_s(self) -> float:

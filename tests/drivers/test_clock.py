@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picoradar.drivers.clock import Clock, ScaledClock, VirtualClock, WallClock
+from picoradar.drivers.clock import Clock, ScaledClock, VirtualClock
 
 
-@pytest.mark.parametrize("make", [VirtualClock, WallClock, lambda: ScaledClock(10.0)])
+@pytest.mark.parametrize("make", [VirtualClock, ScaledClock, lambda: ScaledClock(10.0)])
 def test_satisfies_the_protocol(make):
     assert isinstance(make(), Clock)
 
@@ -83,7 +83,7 @@ def test_wait_ends_when_the_condition_holds():
 
 
 def test_waiting_for_ever_on_nothing_is_an_error():
-    with pytest.raises(RuntimeError, match="nothing is due"):
+    with pytest.raises(RuntimeError, match="nothing that could end it is due"):
         VirtualClock().wait(lambda: False, float("inf"))
 
 
@@ -124,7 +124,7 @@ def test_real_clocks_run_timers_while_they_sleep_and_wait(factor):
 
 def test_ports_wait_in_the_time_of_the_wall():
     assert ScaledClock(10.0).port_wait_s(0.5) == 0.05
-    assert WallClock().port_wait_s(0.5) == 0.5
+    assert ScaledClock().port_wait_s(0.5) == 0.5
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, float("inf"), float("nan")])

@@ -110,10 +110,10 @@ def test_driver_with_firmware(connect, firmware, with_checksum):
     supply.switch(on=True)
     assert supply.mode == "CV"
     supply.link.clock.sleep(1.0)
-    look = supply.look()
-    assert (look.voltage_v, look.measured_v, look.current_a) == (290, 290.01, 0.1)
-    assert look.measured_a == 0.0124
-    assert look.status == Status.CONSTANT_VOLTAGE | Status.NO_FAULT
+    state = supply.state()
+    assert (state.voltage_v, state.measured_v, state.current_a) == (290, 290.01, 0.1)
+    assert state.measured_a == 0.0124
+    assert state.status == Status.CONSTANT_VOLTAGE | Status.NO_FAULT
     assert supply.query("DVC?") == "290.01,290.00,0.0124,0.1000,350.00,0.000"
     assert str(supply.identify()) == "GEN600-1.3, s/n 0123456, 1U-4.3"
     supply.close()

@@ -79,14 +79,6 @@ def test_path_of_45_points_keeps_its_rate() -> None:
     assert found.xy[:, 0].tolist() == [*range(45), 44]
 
 
-def test_stepped_path_marks_each_place_once() -> None:
-    xy, marked = wire.stepped_path([(10, 1), (20, 2)], settle_points=2, hold_points=3)
-    assert xy[:, 0].tolist() == [10] * 5 + [20] * 5
-    assert np.flatnonzero(marked).tolist() == [2, 7]
-    with pytest.raises(ValueError, match="1 or more, not 0 and 3"):
-        wire.stepped_path([(10, 1)], settle_points=0, hold_points=3)
-
-
 @given(st.binary(max_size=80))
 @settings(deadline=None, max_examples=100)
 def test_wrong_length_is_no_frame(data: bytes) -> None:

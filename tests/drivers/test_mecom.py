@@ -176,7 +176,7 @@ def test_acknowledgement_must_carry_the_commands_check_sum(scripted):
     telegram = COMPUTED[2][0]
     own = encode("!", 1, 0xA003, "")
     session = MeCom(scripted([(telegram, own)] * 3), 1, first_sequence=0xA003)
-    with pytest.raises(ProtocolError, match="spoilt answer"):
+    with pytest.raises(ProtocolError, match="corrupted answer"):
         session.set(3000, 23.0)
 
 
@@ -187,7 +187,7 @@ def test_a_retry_uses_the_same_number_and_late_answers_are_dropped(scripted, clo
         scripted(
             [
                 (first, b""),
-                (first, answer[:-3] + b"0\r"),  # spoilt
+                (first, answer[:-3] + b"0\r"),  # corrupted
                 (first, answer),
                 (second, answer + encode("!", 2, 0xA008, "00000002") + encode("!", 1, 0xA008, "00000001")),
             ]
@@ -285,7 +285,7 @@ def test_emergency_stop(tec, block):
 
 
 def test_not_stable_in_time(tec, clock):
-    tec.stable_longest_s = 5.0
+    tec.stable_max_s = 5.0
     tec.regulate(60.0)
     clock.sleep(10)
     assert tec.error_number == 182
@@ -329,19 +329,20 @@ def test_spoilt_and_foreign_frames_get_no_answer(firmware, played):
 
 def test_several_values_at_once(tec):
     assert tec.session.request("?VX02006401006801") == "0000044300000001"
-    assert tec.session.get_several([100, 1001, 3000]) == [1091, 21.5, 25.0]
+    answer = tec.session.request("?VX0300640103E9010BB801")
+    assert answer == encode_int(1091) + encode_float(21.5) + encode_float(25.0)
 
 
 def test_limits_and_metadata(tec):
     assert tec.session.limits(2030) == (0.0, 4.0)
     found = tec.session.metadata(2010)
     assert (found.kind, found.flags, found.instances, found.elements) == (Kind.INT, 3, 1, 1)
-    assert (found.least, found.most, found.value) == (0, 3, 0)
+    assert (found.minimum, found.maximum, found.value) == (0, 3, 0)
 
 
 def test_broadcast_reaches_the_device_without_an_answer(tec, clock):
     tec.regulate(23.0)
-    tec.session.broadcast("ES")
+    tec.link.write(encode("#", 0xFF, 9, "ES"))
     clock.sleep(0.1)
     assert tec.error_number == 11
 
@@ -436,7 +437,7 @@ def test_broken_sensor_switches_off(tec, clock, block):
 
 def test_device_that_does_not_come_back_from_a_reset(tec, firmware):
     firmware.device._ready = lambda: None
-    with pytest.raises(Timeout, match="did not come back within 5 s of a reset"):
+    with pytest.raises(Timeout, match="did not answer again within 5 s of a reset"):
         tec.reset()
 
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import picoradar.sim.ports  # noqa: F401  (makes sim:// known to pyserial)
-from picoradar.drivers.clock import VirtualClock, WallClock
+from picoradar.drivers.clock import ScaledClock, VirtualClock
 from picoradar.drivers.errors import LinkLost, ProtocolError, Timeout
 from picoradar.drivers.links import SerialLink
 from picoradar.sim.ports import SerialWire, new_bench_name, publish, withdraw
@@ -269,7 +269,7 @@ def test_on_a_pty_with_wall_time(pty):
 
     device = threading.Thread(target=answer)
     device.start()
-    link = SerialLink(port, WallClock(), device="pty", baud=9600)
+    link = SerialLink(port, ScaledClock(), device="pty", baud=9600)
     link.open()
     try:
         link.write(b"there?")
@@ -281,7 +281,7 @@ def test_on_a_pty_with_wall_time(pty):
 
 def test_pulled_pty_is_link_lost(pty):
     _, port, ends = pty
-    link = SerialLink(port, WallClock(), device="pty", baud=9600)
+    link = SerialLink(port, ScaledClock(), device="pty", baud=9600)
     link.open()
     for end in list(ends):
         ends.remove(end)

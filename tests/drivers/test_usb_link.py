@@ -10,7 +10,7 @@ import usb.core
 
 from picoradar.drivers.clock import VirtualClock
 from picoradar.drivers.errors import LinkLost, ProtocolError, Stall, Timeout
-from picoradar.drivers.links import UsbLink
+from picoradar.drivers.links import UsbIdentity, UsbLink
 from picoradar.sim.usb import BULK, Configuration, Device, Endpoint, Interface, Setup, SimUsbBackend
 
 
@@ -62,8 +62,9 @@ class Failing(SimUsbBackend):
         raise usb.core.USBError("failed", -1, self.number)
 
 
-def _link(backend: Any, clock: VirtualClock, **more: Any) -> UsbLink:
-    return UsbLink(0x1234, 0x5678, clock, device="thing", backend=backend, **more)
+def _link(backend: Any, clock: VirtualClock, *, alternate: int = 0, **identity: Any) -> UsbLink:
+    wanted = UsbIdentity(0x1234, 0x5678, **identity)
+    return UsbLink(wanted, clock, device="thing", alternate=alternate, backend=backend)
 
 
 @pytest.fixture

@@ -136,7 +136,7 @@ def test_record_holds_clipped_samples_and_refuses_holes() -> None:
     preamble = scpi.Preamble(2, 2, 3, 16, 1e-12, 5e-9, 0, 1e-6, 1e-3, 0)
     codes = np.array([-1000, scpi.CLIPPED_HIGH, scpi.CLIPPED_LOW], np.int16)
     record = waveform_record(preamble, codes, run_id=4, number=2, time_us=9)
-    assert record.trace_mv == pytest.approx([0.0, 1 + scpi.MOST_CODE * 1e-3, 1 + scpi.LEAST_CODE * 1e-3])
+    assert record.trace_mv == pytest.approx([0.0, 1 + scpi.MAX_CODE * 1e-3, 1 + scpi.MIN_CODE * 1e-3])
     assert record.times_ps == pytest.approx([5000, 5001, 5002])
     assert record.clipped
     with pytest.raises(BadWaveform, match="1 of 3 samples"):

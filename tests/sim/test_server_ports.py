@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 import serial
 
-from picoradar.drivers.clock import VirtualClock, WallClock
+from picoradar.drivers.clock import ScaledClock, VirtualClock
 from picoradar.drivers.dg645 import DG645
 from picoradar.drivers.errors import LinkLost
 from picoradar.drivers.links import SerialLink
-from picoradar.instrument.bench.port_probe import Answer, who_answers
+from picoradar.instrument.bench.port_probe import Answer, identify_port
 from picoradar.sim.firmware.dg645 import Dg645Firmware
 from picoradar.sim.firmware.genesys import GenesysFirmware
 from picoradar.sim.ports import SerialFirmware, SerialWire
@@ -247,7 +247,7 @@ def test_cable_pull_and_plug_of_a_tcp_port(serve) -> None:
 @pytest.mark.parametrize("kind", BOTH)
 def test_a_driver_sees_the_cable_go_and_knows_the_device_again(serve, kind: str) -> None:
     served = serve()
-    device = DG645(SerialLink(served.url(kind), WallClock(), device="DG645", baud=9600))
+    device = DG645(SerialLink(served.url(kind), ScaledClock(), device="DG645", baud=9600))
     device.open()
     before = device.identify()
     served.do(served.port.pull)
@@ -264,7 +264,7 @@ def test_a_driver_sees_the_cable_go_and_knows_the_device_again(serve, kind: str)
 @needs_ptys
 def test_a_second_program_on_a_pty_is_told_that_it_is_in_use(serve) -> None:
     url = serve().url("pty")
-    first, second = (SerialLink(url, WallClock(), device="DG645", baud=9600) for _ in range(2))
+    first, second = (SerialLink(url, ScaledClock(), device="DG645", baud=9600) for _ in range(2))
     first.open()
     with pytest.raises(LinkLost, match="another program has it open"):
         second.open()
@@ -276,5 +276,5 @@ def test_a_second_program_on_a_pty_is_told_that_it_is_in_use(serve) -> None:
 @needs_ptys
 def test_the_rate_at_which_a_device_answers_is_found(serve) -> None:
     url = serve().url("pty")
-    assert who_answers(url, WallClock(), expected="dg645", baud=19200, genesys_address=6) == Answer("dg645", 9600)
-    assert who_answers(url, WallClock(), expected="genesys", baud=9600, genesys_address=6) == Answer("dg645", 9600)
+    assert identify_port(url, ScaledClock(), expected="dg645", baud=19200, genesys_address=6) == Answer("dg645", 9600)
+    assert identify_port(url, ScaledClock(), expected="genesys", baud=9600, genesys_address=6) == Answer("dg645", 9600)

@@ -1,4 +1,4 @@
-"""Wire half of the sampling bridge protocol (SBP 1.0 and 1.1): encoders, decoders and the parser of the data stream.
+"""The sampling bridge protocol at the wire (SBP 1.0 and 1.1): encoders, decoders and the parser of the data stream.
 
 All fields are little-endian, times are integer femtoseconds. Source: protocol sheet ``sampling_bridge.md``.
 """

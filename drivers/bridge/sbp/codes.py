@@ -147,7 +147,7 @@ class Feature(IntFlag):
 
 
 def error_name(code: int) -> str:
-    """Get the name of an error code; its number when a later version made it."""
+    """Get the name of an error code; its number if it belongs to a later version."""
     try:
         return ErrorCode(code).name
     except ValueError:

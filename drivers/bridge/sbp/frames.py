@@ -1,4 +1,4 @@
-"""Sampling bridge protocol, wire half: data frames and the parser of their byte stream.
+"""Sampling bridge protocol: data frames and the parser of their byte stream.
 
 Source: protocol sheet ``sampling_bridge.md``, section 3 (frame layout and framing rules) and section 10
 (the two fields that version 1.1 adds to the header).
@@ -105,20 +105,20 @@ def encode_frame(frame: Frame, header_length: int = HEADER_1_0) -> bytes:
 
 
 class FrameParser:
-    """Finds frames in a byte stream; the result is the same for any cut of the stream into reads.
+    """Finds frames in a byte stream; the result does not depend on how the stream is cut into reads.
 
-    A bad header moves the search on by one byte. A bad payload drops its frame and the search goes on
-    behind the header, so that a frame that follows lost bytes is still found.
+    After a bad header the search continues one byte further on. A frame with a bad payload is dropped and the search
+    continues behind its header, so that a frame that follows lost bytes is still found.
 
     Parameters
     ----------
     payload_max : int
-        Largest payload that the device may send (capability block); longer ones are no frames.
+        Largest payload that the device may send (capability block); anything longer is not a frame.
 
     Attributes
     ----------
     bad_headers, bad_payloads, skipped : int
-        Headers and frames refused so far, and bytes that belonged to no good frame.
+        Headers and frames rejected so far, and bytes that belonged to no good frame.
     """
 
     def __init__(self, payload_max: int) -> None:
@@ -130,16 +130,16 @@ class FrameParser:
 
     @property
     def damaged(self) -> int:
-        """Get the number of headers and payloads refused so far."""
+        """Get the number of headers and payloads rejected so far."""
         return self.bad_headers + self.bad_payloads
 
     @property
     def waiting(self) -> int:
-        """Get the number of bytes kept, because what they begin has not come whole."""
+        """Get the number of bytes kept because their frame is not complete yet."""
         return len(self._rest)
 
     def clear(self) -> None:
-        """Forget the bytes that are kept."""
+        """Discard the bytes that are kept."""
         self.skipped += len(self._rest)
         self._rest = b""
 

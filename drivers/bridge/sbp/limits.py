@@ -1,4 +1,4 @@
-"""Checks sweeps and window tables against the limits that a sampling bridge has told, before anything is sent.
+"""Checks of sweeps and window tables against the limits that a sampling bridge has reported, before anything is sent.
 
 Source: protocol sheet ``sampling_bridge.md``, sections 2.2, 2.3 and 10.
 """
@@ -21,7 +21,7 @@ def femtoseconds(time_ps: float) -> int:
 
 
 def check_sweep(device: str, sweep: SweepSettings, caps: Caps) -> None:
-    """Check all that a configuration holds.
+    """Check all values of a configuration.
 
     Raises
     ------
@@ -79,5 +79,5 @@ def check_window(device: str, window: Window, prf_hz: int, caps: Caps) -> None:
     check_range(device, "averages", window.sweeps, 1, min(caps.averages_max, 0xFFFF // 255))
     last_ps = (window.start_fs + window.step_fs * (window.samples - 1)) / 1000
     # The last instant lies strictly before the dead time, hence the one femtosecond.
-    most_ps = min(caps.delay_max_fs / 1000, 1e12 / prf_hz - DEAD_PS - 1e-3)
-    check_range(device, "last sampling instant", last_ps, 0.0, most_ps, "ps")
+    max_ps = min(caps.delay_max_fs / 1000, 1e12 / prf_hz - DEAD_PS - 1e-3)
+    check_range(device, "last sampling instant", last_ps, 0.0, max_ps, "ps")

@@ -1,4 +1,4 @@
-"""Puts the frames of one run together to records; refuses to fill gaps.
+"""Assembles records from the frames of one run; never fills a gap.
 
 Source: protocol sheet ``sampling_bridge.md``, section 3, framing rules 3 and 4.
 """
@@ -18,13 +18,13 @@ from picoradar.drivers.bridge.sbp.identity import Caps
 from picoradar.drivers.interfaces import Record, WindowRecord
 
 
-class SpoiledRun(Exception):
-    """Frames are missing, damaged or do not belong together: the record has to be taken again."""
+class CorruptedRun(Exception):
+    """Frames are missing, corrupted or do not belong together: the run has to be taken again."""
 
 
 @dataclass
 class RecordAssembler:
-    """Takes the frames of a run in their order and gives whole records.
+    """Takes the frames of a run in their order and returns whole records.
 
     Parameters
     ----------
@@ -33,9 +33,9 @@ class RecordAssembler:
     run_id : int
         Frames of other runs are stale; they are dropped and counted.
     config_crc : int
-        CRC of the configuration that the frames have to name.
+        CRC of the configuration that the frames have to carry.
     table : sequence of sequences of Window
-        Windows of each record; the last entry holds for all further records.
+        Windows of each record; the last row applies to all further records.
 
     Attributes
     ----------
@@ -57,18 +57,18 @@ class RecordAssembler:
 
         Raises
         ------
-        SpoiledRun
-            When a frame before it is missing or it does not fit to what came before.
+        CorruptedRun
+            When a frame is missing before it, or it does not belong to what came before.
         """
         if frame.run_id != self.run_id:
             self.stale += 1
             return None
         if frame.sequence != self._sequence:
-            raise SpoiledRun(f"frame {self._sequence} of run {self.run_id} is missing: frame {frame.sequence} came")
+            raise CorruptedRun(f"frame {self._sequence} of run {self.run_id} is missing: frame {frame.sequence} came")
         if frame.config_crc != self.config_crc:
-            raise SpoiledRun(f"frame taken under configuration {frame.config_crc:#010x}, not {self.config_crc:#010x}")
+            raise CorruptedRun(f"frame taken under configuration {frame.config_crc:#010x}, not {self.config_crc:#010x}")
         if frame.record != self._number or bool(frame.flags & FrameFlag.FIRST) != (not self._frames):
-            raise SpoiledRun(f"frame of record {frame.record} came while record {self._number} was expected")
+            raise CorruptedRun(f"frame of record {frame.record} came while record {self._number} was expected")
         self._sequence += 1
         self._frames.append(frame)
         if not frame.flags & FrameFlag.LAST:
@@ -83,7 +83,7 @@ class RecordAssembler:
         parts: list[list[Frame]] = [[] for _ in windows]
         for frame in frames:
             if frame.window >= len(windows):
-                raise SpoiledRun(f"frame of window {frame.window}; the record has {len(windows)}")
+                raise CorruptedRun(f"frame of window {frame.window}; the record has {len(windows)}")
             parts[frame.window].append(frame)
         records = tuple(self._trace(window, part) for window, part in zip(windows, parts, strict=True))
         return WindowRecord(self._number, records)
@@ -91,9 +91,9 @@ class RecordAssembler:
     def _trace(self, window: Window, frames: list[Frame]) -> Record:
         firsts = np.cumsum([0] + [len(f.samples) for f in frames])
         if [f.first for f in frames] != firsts[:-1].tolist() or firsts[-1] != window.samples:
-            raise SpoiledRun(f"{firsts[-1]} of {window.samples} samples of record {self._number} came")
+            raise CorruptedRun(f"{firsts[-1]} of {window.samples} samples of record {self._number} came")
         if frames[0].sweeps != window.sweeps:
-            raise SpoiledRun(f"{frames[0].sweeps} of {window.sweeps} sweeps of record {self._number} were taken")
+            raise CorruptedRun(f"{frames[0].sweeps} of {window.sweeps} sweeps of record {self._number} were taken")
         flags = 0
         for frame in frames:
             flags |= frame.flags

@@ -12,7 +12,7 @@ from picoradar.drivers.bridge.sbp.codes import ErrorCode
 
 
 class BadBlock(ValueError):
-    """A block that breaks its own rules.
+    """A block with a wrong length, version or check sum.
 
     Attributes
     ----------
@@ -43,14 +43,20 @@ def check_crc(name: str, block: bytes) -> None:
         raise BadBlock(ErrorCode.BAD_CRC, f"{name}: CRC {found:#010x}, expected {expected:#010x}")
 
 
-def open_block(name: str, data: bytes, magic: bytes, least: int) -> bytes:
-    """Cut a block with the length it gives itself out of ``data``, and check magic, version and CRC."""
+def open_block(name: str, data: bytes, magic: bytes, minimum: int) -> bytes:
+    """Cut a block out of ``data`` by the length in its header, and check magic, version and CRC.
+
+    Raises
+    ------
+    BadBlock
+        With the code of the first check that fails.
+    """
     at = len(magic)
-    if len(data) < least or data[:at] != magic:
+    if len(data) < minimum or data[:at] != magic:
         raise BadBlock(ErrorCode.BAD_LENGTH, f"{name}: {len(data)} bytes beginning with {data[:4].hex(' ')}")
     length, version = struct.unpack_from("<HH", data, at)
-    if not least <= length <= len(data):
-        raise BadBlock(ErrorCode.BAD_LENGTH, f"{name}: says {length} bytes, {len(data)} came, at least {least} needed")
+    if not minimum <= length <= len(data):
+        raise BadBlock(ErrorCode.BAD_LENGTH, f"{name}: says {length} bytes, {len(data)} came, {minimum} are needed")
     if version >> 8 != 1:
         raise BadBlock(ErrorCode.BAD_VERSION, f"{name}: version {version >> 8}.{version & 255}, only 1.x is known")
     block = data[:length]

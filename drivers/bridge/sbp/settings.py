@@ -33,15 +33,28 @@ def sweep_configuration(device: str, sweep: SweepSettings, caps: Caps) -> Config
     )
 
 
-def window_configuration(device: str, prf_hz: float, settle_shots: int, on_advance: bool, caps: Caps) -> Configuration:
-    """Make the configuration of records in windows (version 1.1), as many as there are in the tables.
+def window_configuration(
+    device: str, caps: Caps, *, prf_hz: float, settle_shots: int, on_advance: bool
+) -> Configuration:
+    """Make the configuration of records in windows (version 1.1); the window table says how many.
+
+    Parameters
+    ----------
+    device : str
+        The device's name for messages.
+    caps : Caps
+        Its limits.
+    prf_hz : float
+    settle_shots : int
+    on_advance : bool
+        Whether each record waits for an edge of the advance input.
 
     Raises
     ------
     LimitError
         When a value is outside the limits.
     """
-    unused = SweepSettings(0.0, caps.step_min_fs / 1000, 1, 1, settle_shots, prf_hz)  # the table says what is sampled
+    unused = SweepSettings(0.0, caps.step_min_fs / 1000, 1, 1, settle_shots, prf_hz)  # replaced by the window table
     sweeps = sweep_configuration(device, unused, caps)
     flags = sweeps.flags | ConfigFlag.WINDOWS | (ConfigFlag.ADVANCE if on_advance else ConfigFlag(0))
     return Configuration(

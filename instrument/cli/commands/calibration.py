@@ -19,7 +19,7 @@ Files = Annotated[list[Path] | None, typer.Argument(help="Calibration files, or 
 File = Annotated[Path, typer.Argument(help="A calibration file.")]
 
 calibration = typer.Typer(
-    help="Look at calibration files, and at the one in force.", no_args_is_help=True, rich_markup_mode=None
+    help="SupplyState at calibration files, and at the one in force.", no_args_is_help=True, rich_markup_mode=None
 )
 
 
@@ -94,7 +94,7 @@ def status(settings: options.SettingsFile = None, json: options.Json = False) ->
     wanted = Settings() if settings is None else load_settings(settings)
     found = calibration_of(wanted)
     now = datetime.datetime.now(datetime.UTC) if wanted.bench == "devices" else None
-    reasons = out_of_date(found, wanted, _who_answers(wanted), now)
+    reasons = out_of_date(found, wanted, _serial_numbers(wanted), now)
     summary: dict[str, Any] = {
         "file": wanted.calibration or "comes with the simulated bench",
         **_summary(found),
@@ -110,7 +110,7 @@ def status(settings: options.SettingsFile = None, json: options.Json = False) ->
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
 
 
-def _who_answers(settings: Any) -> Mapping[str, str]:
+def _serial_numbers(settings: Any) -> Mapping[str, str]:
     """Open every device once and return its serial number."""
     from picoradar.instrument.cli.session import session
 

@@ -1,4 +1,4 @@
-"""Frame queue of the sampling bridge: sequence numbers, overruns, and frames spoiled on purpose.
+"""Frame queue of the sampling bridge: sequence numbers, overruns, and frames corrupted on purpose.
 
 Source: protocol sheet ``sampling_bridge.md``, section 3, framing rules 4 and 5.
 """
@@ -25,7 +25,7 @@ class FrameQueue:
     ----------
     lost : int
         Frames lost in this run.
-    spoiled : bool
+    corrupted : bool
         Whether any frame of this run was lost, altered or thrown away.
     fault : callable, optional
         ``fault(frame_bytes)`` returns what is queued in its place, or None to lose it: the seam for faults.
@@ -33,7 +33,7 @@ class FrameQueue:
 
     def __init__(self, caps: Caps, overrun: Callable[[int], None]) -> None:
         self.lost = 0
-        self.spoiled = False
+        self.corrupted = False
         self.fault: Callable[[bytes], bytes | None] | None = None
         self._caps = caps
         self._overrun = overrun
@@ -48,11 +48,11 @@ class FrameQueue:
         """Empty the queue for a new run."""
         self._frames.clear()
         self.lost = self._sequence = 0
-        self.spoiled = self._lost_before = False
+        self.corrupted = self._lost_before = False
 
     def flush(self) -> None:
         """Throw the queued frames away."""
-        self.spoiled = self.spoiled or bool(self._frames)
+        self.corrupted = self.corrupted or bool(self._frames)
         self._frames.clear()
 
     def take(self) -> bytes | None:
@@ -67,7 +67,7 @@ class FrameQueue:
         queued = data if self.fault is None else self.fault(data)
         if len(self._frames) >= self._caps.queue_depth:
             queued = None
-        self.spoiled = self.spoiled or queued != data
+        self.corrupted = self.corrupted or queued != data
         self._lost_before = queued is None
         if queued is None:
             self.lost += 1

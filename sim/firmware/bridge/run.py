@@ -120,7 +120,7 @@ class Acquirer:
     def abandon(self, state: State) -> None:
         """End the run with nothing more to send and enter ``state`` (IDLE or FAULT)."""
         self._cancel()
-        self.queue.spoiled = True
+        self.queue.corrupted = True
         self._enter(state)
 
     def reset(self) -> None:
@@ -233,7 +233,7 @@ class Acquirer:
 
     def _count_delivery(self) -> None:
         """Note that a whole run has reached the host, so that the same run id gives new noise the next time."""
-        if self._whole and not self.queue.spoiled and not self.queue:
+        if self._whole and not self.queue.corrupted and not self.queue:
             self._whole = False
             self._deliveries[self.run_id] += 1
 

@@ -18,8 +18,8 @@ HIGHEST_LEVEL_V = 6  # amplitude and offset of an output together
 class Setting:
     """One row: ``places`` are the allowed indices (None: no index), ``style`` the format of the reply."""
 
-    least: float
-    most: float
+    minimum: float
+    maximum: float
     default: float
     style: str
     places: range | None = None
@@ -79,7 +79,7 @@ class Settings:
         row = SETTINGS[name]
         place = self._place(row, parameters)
         value = Decimal(integer(parameters[-1])) if row.integral else number(parameters[-1])
-        if not Decimal(repr(row.least)) <= value <= Decimal(repr(row.most)):
+        if not Decimal(repr(row.minimum)) <= value <= Decimal(repr(row.maximum)):
             raise Refused(ILLEGAL_VALUE)
         other = {"LAMP": "LOFF", "LOFF": "LAMP"}.get(name)
         if other is not None and value + self.values[other, place] > HIGHEST_LEVEL_V:

@@ -154,14 +154,14 @@ class TecFirmware:
         if not row.writable:
             raise Refused(READ_ONLY)
         value = decode_float(digits) if row.kind is Kind.FLOAT else decode_int(digits)
-        if not (math.isfinite(value) and row.least <= value <= row.most):
+        if not (math.isfinite(value) and row.minimum <= value <= row.maximum):
             raise Refused(RANGE)
         self.device.set(row.number, value)
 
     def _change_baud(self, baud: int) -> None:
         """Run at another rate once the answer is out, and fall back after 5 s of silence."""
         limits = PARAMETERS[2050]
-        if not limits.least <= baud <= limits.most:
+        if not limits.minimum <= baud <= limits.maximum:
             raise Refused(RANGE)
         before, now = self.baud, self.clock.now()
 
@@ -206,7 +206,7 @@ def _row(digits: str) -> Parameter:
 
 
 def _limits(row: Parameter) -> str:
-    return _encode(row, row.least) + _encode(row, row.most)
+    return _encode(row, row.minimum) + _encode(row, row.maximum)
 
 
 def _encode(row: Parameter, value: float) -> str:

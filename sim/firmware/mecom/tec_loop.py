@@ -92,8 +92,8 @@ class TemperatureLoop:
             self._regulate(object_degc, slope)
             self._judge(object_degc)
         else:
-            most = abs(values[2021]) / PELTIER_OHM
-            self._drive(max(-most, min(most, values[2020])))
+            maximum = abs(values[2021]) / PELTIER_OHM
+            self._drive(max(-maximum, min(maximum, values[2020])))
 
     def _ramp(self) -> None:
         """Move the nominal temperature towards the target, slower within the proximity width."""
@@ -103,8 +103,8 @@ class TemperatureLoop:
             self.nominal_degc = target
             return
         slower = min(1.0, max(SLOWEST_RAMP, abs(left) / width)) if width else 1.0
-        most = ramp * slower * STEP_S
-        self.nominal_degc += max(-most, min(most, left))
+        maximum = ramp * slower * STEP_S
+        self.nominal_degc += max(-maximum, min(maximum, left))
 
     def _regulate(self, object_degc: float, slope: float) -> None:
         kp, ti, td = self.values[3010], self.values[3011], self.values[3012]
@@ -136,6 +136,6 @@ class TemperatureLoop:
         return None
 
     def _drive(self, current_a: float) -> None:
-        most = min(self.values[2030], self.values[2031] / PELTIER_OHM)
-        self.current_a = max(-most, min(most, current_a))
+        maximum = min(self.values[2030], self.values[2031] / PELTIER_OHM)
+        self.current_a = max(-maximum, min(maximum, current_a))
         self.heat_pump.drive(self.current_a)

@@ -133,14 +133,14 @@ class Scope(ScpiParser):
             commands[f"{channel}:RANGe"] = lambda a, n=name: self._set(n, number(a, 1e-3, 8.0) / 8)  # type: ignore[misc]
             commands[f"{channel}:RANGe?"] = lambda _, n=name: real(self._settings[n] * 8)  # type: ignore[misc]
             vertical += [(f"{channel}:SCALe", name, 1e-4, 1.0), (f"{channel}:OFFSet", f"{source}_offset_v", -2.0, 2.0)]
-        for header, name, least, most in (
+        for header, name, minimum, maximum in (
             *vertical,
             (":TIMebase:RANGe", "range_s", 1e-13, 1.0),
             (":TIMebase:POSition", "position_s", 0.0, 1.0),
             (":ACQuire:POINts", "points", 1, POINTS_MAX),
             (":ACQuire:COUNt", "count", 1, COUNT_MAX),
         ):
-            commands[header] = lambda a, n=name, lo=least, hi=most: self._set(n, number(a, lo, hi))  # type: ignore[misc]
+            commands[header] = lambda a, n=name, lo=minimum, hi=maximum: self._set(n, number(a, lo, hi))  # type: ignore[misc]
             commands[f"{header}?"] = lambda _, n=name: real(self._settings[n])  # type: ignore[misc]
         for header, name, forms in (
             (":TRIGger:SOURce", "trigger", {"EXTERNAL": "EXT"}),

@@ -190,7 +190,7 @@ class _Pattern:
         )
 
 
-def number(arguments: list[str], least: float, most: float) -> float:
+def number(arguments: list[str], minimum: float, maximum: float) -> float:
     """Get the one number of a command.
 
     Raises
@@ -202,7 +202,7 @@ def number(arguments: list[str], least: float, most: float) -> float:
         value = float(text)
     except ValueError as error:
         raise ScpiError(-104, f"Data type error; {text}") from error
-    if not least <= value <= most:
+    if not minimum <= value <= maximum:
         raise ScpiError(-222, f"Data out of range; {text}")
     return value
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from picoradar.drivers.oscilloscope import CLIPPED_HIGH, CLIPPED_LOW, encode_block
 
-MOST_CODE = 30_000  # of WORD, at the edge of the screen
+MAX_CODE = 30_000  # of WORD, at the edge of the screen
 _NUMBERS = {"ASC": 0, "BYTE": 1, "WORD": 2, "LONG": 3}
 _STEPS = {"ASC": 1.0, "BYTE": 256.0, "WORD": 1.0, "LONG": 1 / 65536}  # of a code, in steps of WORD
 _BYTE_HIGH, _BYTE_LOW = 127, 126
@@ -63,10 +63,10 @@ class TakenWaveform:
         y_axis : half of the screen, voltage at its centre, V
         model : str
         """
-        y_increment = y_axis[0] / MOST_CODE
+        y_increment = y_axis[0] / MAX_CODE
         codes = np.round((volts - y_axis[1]) / y_increment)
-        high = clipped[0] | (codes > MOST_CODE)
-        low = clipped[1] | (codes < -MOST_CODE)
+        high = clipped[0] | (codes > MAX_CODE)
+        low = clipped[1] | (codes < -MAX_CODE)
         words = np.where(high, CLIPPED_HIGH, np.where(low, CLIPPED_LOW, codes)).astype(np.int16)
         return cls(words, sweeps, *x_axis, y_increment, y_axis[1], model)
 
@@ -74,7 +74,7 @@ class TakenWaveform:
         """Get the 25 fields of the preamble for a format."""
         points = len(self.codes)
         scale = (self.x_increment, self.x_origin, 0.0, self.y_increment * _STEPS[form], self.y_origin, 0.0)
-        display = (points * self.x_increment, self.x_origin, 2 * MOST_CODE * self.y_increment, self.y_origin)
+        display = (points * self.x_increment, self.x_origin, 2 * MAX_CODE * self.y_increment, self.y_origin)
         fields = [
             *map(str, (_NUMBERS[form], 2 if self.sweeps > 1 else 1, points, self.sweeps)),
             *map(real, scale),

@@ -43,7 +43,7 @@ class Tc200Firmware:
         self.clock = clock
         self.block = block
         self.target_degc = 25.0
-        self.most_degc = 200.0
+        self.max_degc = 200.0
         self.values: dict[str, float] = {"pgain": 125, "igain": 50, "dgain": 0, "beta": 3900, "pmax": 18.0}
         self.sensor = "ntc10k"
         self.unit = "c"
@@ -83,7 +83,7 @@ class Tc200Firmware:
             "*idn?": lambda: "THORLABS TC200 VERSION 2.0",
             "tact?": lambda: self._temperature_text(self.block.temperature_degc()),
             "tset?": lambda: self._temperature_text(self.target_degc),
-            "tmax?": lambda: f"{self.most_degc:.1f}",
+            "tmax?": lambda: f"{self.max_degc:.1f}",
             "pid?": lambda: " ".join(f"{self.values[name]:.0f}" for name in ("pgain", "igain", "dgain")),
             "pmax?": lambda: f"{self.values['pmax']:.1f}",
             "beta?": lambda: f"{self.values['beta']:.0f}",
@@ -103,9 +103,9 @@ class Tc200Firmware:
         elif name == "sns" and argument in SENSORS:
             self.sensor = argument
         elif name == "tset":
-            self.target_degc = _within(argument, 20.0, self.most_degc)
+            self.target_degc = _within(argument, 20.0, self.max_degc)
         elif name == "tmax":
-            self.most_degc = _within(argument, 20.0, 205.0)
+            self.max_degc = _within(argument, 20.0, 205.0)
         elif name in RANGES:
             self.values[name] = _within(argument, *RANGES[name])
         else:
@@ -131,15 +131,15 @@ class Tc200Firmware:
 
     def _step(self) -> None:
         error = self.target_degc - self.block.temperature_degc()
-        most_w = self.values["pmax"]
+        max_w = self.values["pmax"]
         integral_w = self._integral_w + WATT_PER_GAIN * self.values["igain"] / 100 * error * STEP_S
         power_w = WATT_PER_GAIN * self.values["pgain"] * error + integral_w
-        if 0 <= power_w <= most_w:  # no winding up while the heater is at its limit
+        if 0 <= power_w <= max_w:  # no winding up while the heater is at its limit
             self._integral_w = integral_w
-        self.block.drive(math.sqrt(max(0.0, min(most_w, power_w)) / HEATER_OHM))
+        self.block.drive(math.sqrt(max(0.0, min(max_w, power_w)) / HEATER_OHM))
 
 
-def _within(text: str, least: float, most: float) -> float:
-    if not _NUMBER.fullmatch(text) or not least <= float(text) <= most:
+def _within(text: str, minimum: float, maximum: float) -> float:
+    if not _NUMBER.fullmatch(text) or not minimum <= float(text) <= maximum:
         raise Refused(RANGE)
     return float(text)

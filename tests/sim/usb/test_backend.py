@@ -14,7 +14,7 @@ import usb.util
 from picoradar.drivers.bridge import sbp
 from picoradar.drivers.clock import VirtualClock
 from picoradar.drivers.errors import LinkLost, ProtocolError, Stall, Timeout
-from picoradar.drivers.links import UsbLink
+from picoradar.drivers.links import UsbIdentity, UsbLink
 from picoradar.sim.usb import (
     BULK,
     Configuration,
@@ -96,7 +96,7 @@ def backend(clock: VirtualClock, pipe: Pipe) -> SimUsbBackend:
 
 @pytest.fixture
 def link(clock: VirtualClock, backend: SimUsbBackend) -> UsbLink:
-    made = UsbLink(0x1234, 0x5678, clock, device="pipe", backend=backend)
+    made = UsbLink(UsbIdentity(0x1234, 0x5678), clock, device="pipe", backend=backend)
     made.open()
     return made
 
@@ -182,7 +182,7 @@ def test_unconfigured_device_has_no_endpoints(backend: SimUsbBackend, link: UsbL
 
 
 def test_claim_is_for_one_handle(backend: SimUsbBackend, link: UsbLink, clock: VirtualClock) -> None:
-    other = UsbLink(0x1234, 0x5678, clock, device="pipe", backend=backend)
+    other = UsbLink(UsbIdentity(0x1234, 0x5678), clock, device="pipe", backend=backend)
     with pytest.raises(LinkLost, match="in use by another program"):
         other.open()
     link.close()

@@ -11,7 +11,6 @@ import pytest
 from picoradar.drivers.bridge import bridge_link, sbp
 from picoradar.drivers.bridge.sbp import ErrorCode, FrameFlag, FrameParser, Request, Window
 from picoradar.drivers.errors import DeviceFault, LimitError, LinkLost, ProtocolError, Stall
-from picoradar.drivers.helios.wire import stepped_path
 from picoradar.drivers.interfaces import SweepSettings
 
 SWEEP = SweepSettings(start_ps=5000.0, step_ps=6.7, samples=1430, averages=8, settle_shots=16, prf_hz=80_000.0)
@@ -126,7 +125,7 @@ def test_same_run_id_brings_new_noise_once_it_was_delivered(ready: Any) -> None:
 def test_spoiled_run_is_taken_again_with_the_same_data(ready: Any, kind: str) -> None:
     faults = iter([True])
 
-    def spoil(frame: bytes) -> bytes | None:
+    def corrupt(frame: bytes) -> bytes | None:
         if not next(faults, False):
             return frame
         at = {"header": 10, "payload": 60}.get(kind, 0)
@@ -135,7 +134,7 @@ def test_spoiled_run_is_taken_again_with_the_same_data(ready: Any, kind: str) ->
         return {"lost": None, "duplicated": frame + frame}.get(kind, bytes(altered))
 
     ready.bridge.configure(SweepSettings(5000.0, 6.7, 100, 1, 0, 80_000.0))
-    ready.bridge_firmware.acquirer.queue.fault = spoil
+    ready.bridge_firmware.acquirer.queue.fault = corrupt
     records = ready.bridge.take(5, records=2)
     assert [r.sums.tolist() for r in records] == [((np.arange(100) + 3 * n) % 200).tolist() for n in (0, 1)]
     assert ready.bridge.retried == 1
@@ -144,7 +143,7 @@ def test_spoiled_run_is_taken_again_with_the_same_data(ready: Any, kind: str) ->
 
 def test_run_that_stays_spoiled_is_an_error(ready: Any) -> None:
     ready.bridge_firmware.acquirer.queue.fault = lambda frame: frame[:-1] + b"x"
-    with pytest.raises(ProtocolError, match="spoiled 3 times"):
+    with pytest.raises(ProtocolError, match="corrupted 3 times"):
         ready.bridge.take(5)
     ready.bridge_firmware.acquirer.queue.fault = None
     assert len(ready.bridge.take(6)) == 1
@@ -331,7 +330,8 @@ def test_windows_come_on_the_marks_of_the_galvo(bench_1_1: Any) -> None:
     bench.beat()
     bench.bridge.gate_on()
     table = [[Window(4_200_000, 6_700, 96, 1), Window(9_800_000 + 6_700 * m, 6_700, 96, 2)] for m in range(5)]
-    xy, marked = stepped_path([(400 * m, 0) for m in range(5)], settle_points=10, hold_points=10)
+    xy = np.repeat([(400 * m, 0) for m in range(5)], 20, axis=0)  # each stop: 10 points to settle, 10 from the mark on
+    marked = np.tile(np.arange(20) == 10, 5)
     for run_id in (9, 10):
         records = list(bench.bridge.take_windows(run_id, table, begin=lambda: bench.helios.play(xy, marked, 2000)))
         assert [r.number for r in records] == list(range(5))
@@ -347,7 +347,7 @@ def test_windows_come_on_the_marks_of_the_galvo(bench_1_1: Any) -> None:
     assert bench.bridge.status().problem == ""
 
 
-def test_spoiled_line_of_windows_is_taken_again_without_doubles(bench_1_1: Any) -> None:
+def test_corrupted_line_of_windows_is_taken_again_without_doubles(bench_1_1: Any) -> None:
     bench = bench_1_1
     bench.bridge.open()
     bench.bridge.configure_windows(prf_hz=80_000.0, settle_shots=0)

@@ -1,0 +1,27 @@
+"""What the controller may rely on, whoever made a device.
+
+Each protocol is small on purpose: a device of another maker is one new folder that satisfies it, and one line in the
+settings. Every method that switches something reads the result back from the device before it returns.
+"""
+
+from picoradar.drivers.interfaces.device import Device, Identity
+from picoradar.drivers.interfaces.galvo import Galvo
+from picoradar.drivers.interfaces.pulser import Pulser, PulserStatus
+from picoradar.drivers.interfaces.records import Record, SweepSettings, WindowRecord
+from picoradar.drivers.interfaces.sampler import Sampler, SamplerStatus
+from picoradar.drivers.interfaces.temperature import TemperatureController, TemperatureStatus
+
+__all__ = [
+    "Device",
+    "Galvo",
+    "Identity",
+    "Pulser",
+    "PulserStatus",
+    "Record",
+    "Sampler",
+    "SamplerStatus",
+    "SweepSettings",
+    "TemperatureController",
+    "TemperatureStatus",
+    "WindowRecord",
+]
