@@ -1,11 +1,11 @@
-"""The bench that is not there: physics, device firmware, virtual ports, faults.
+"""The simulated bench: physics, device firmware, virtual ports, faults.
 
-`SimulatedBench` is imported when it is asked for, because the physics takes a moment to load.
+`SimulatedBench` is imported on first use, because the physics takes a moment to load.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from picoradar.sim.bench import SimulatedBench
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 __all__ = ["SimulatedBench"]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     if name == "SimulatedBench":
         from picoradar.sim.bench import SimulatedBench
 
         return SimulatedBench
-    raise AttributeError(f"module 'sim' has no attribute {name!r}")
+    raise AttributeError(f"module 'picoradar.sim' has no attribute {name!r}")

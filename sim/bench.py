@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
 from picoradar.drivers.clock import VirtualClock
-from picoradar.sim import ports as _handlers  # makes sim:// known to pyserial  # noqa: F401
+from picoradar.sim import ports as _handlers  # registers sim:// with pyserial  # noqa: F401
 from picoradar.sim.firmware.bridge import SamplingBridgeFirmware
 from picoradar.sim.firmware.dg645 import Dg645Firmware
 from picoradar.sim.firmware.genesys import GenesysFirmware
@@ -47,7 +47,7 @@ class SimulatedBench:
     settings : SimulationSettings or mapping, optional
         Physical parameters; a mapping is checked first.
     target : str, optional
-        What stands before the scanner; overrides the settings.
+        The target in front of the scanner; overrides the settings.
     seed : int
         Root seed: same seed, same data.
     clock : VirtualClock, optional
@@ -58,15 +58,15 @@ class SimulatedBench:
     urls : dict
         URL of each serial device by its name (``dg645``, ``genesys``, ``tec``).
     target, bare_target : Target
-        What stands before the scanner, and the same without tissue and instruments: the preoperative model.
+        The target in front of the scanner, and the same without tissue and instruments: the preoperative model.
     usb_backend : SimUsbBackend
         pyusb backend that finds the USB devices.
     monitor : LaserMonitor
         Fast photodetector at channel 2 of the oscilloscope, and a power meter, at the exit.
     truth : BenchTruth
-        What the code under test must not know.
+        Hidden from the code under test.
     serial_taps, usb_taps, signal, servo, heat_pump
-        Where faults are hung in (`picoradar.sim.faults`).
+        Where faults install their hooks (`picoradar.sim.faults`).
 
     Raises
     ------
@@ -76,13 +76,15 @@ class SimulatedBench:
 
     def __init__(
         self,
-        settings: SimulationSettings | Mapping[str, Any] | None = None,
+        settings: SimulationSettings | Mapping[str, object] | None = None,
         *,
         target: str | None = None,
         seed: int = 1,
         clock: VirtualClock | None = None,
     ) -> None:
-        checked = settings if isinstance(settings, SimulationSettings) else SimulationSettings(**dict(settings or {}))
+        checked = settings
+        if not isinstance(checked, SimulationSettings):
+            checked = SimulationSettings.model_validate(dict(settings or {}))
         if target is not None:
             checked = checked.model_copy(update={"target": target})
         self.settings = checked
@@ -132,7 +134,7 @@ class SimulatedBench:
         self.usb_backend = SimUsbBackend(self.clock, self.usb_taps.values())
 
     def place(self, target: str, pose: Pose, *, reflectance: float | None = None) -> None:
-        """Put another target before the scanner, as a person at the bench does between two measurements.
+        """Put another target in front of the scanner, as a person at the bench does between two measurements.
 
         Parameters
         ----------
@@ -150,17 +152,17 @@ class SimulatedBench:
         """
         self.target = load_target(target, reflectance)
         self.scene = Scene(self.target, place_target(self.target, pose[2], pose, self.noise.stream("scene.pose")))
-        self.optics.look_at(self.scene)
+        self.optics.aim_at(self.scene)
 
     def read_scale(self) -> tuple[float, float]:
-        """Read where the spot stands on a millimetre scale on the target now, as a person with a camera does (mm)."""
+        """Read the position of the spot on a millimetre scale on the target (mm), as a person with a camera does."""
         self._scale_readings += 1
         key = (0, 0, self._scale_readings)
         beam = self.mirrors.beam(self.clock.now(), *key)
         distance_mm = self.scene.cast(beam.origin[None], beam.direction[None]).distance_mm[0]
         return scale_reading(beam.origin + distance_mm * beam.direction, self.noise.stream("operator.scale", *key))
 
-    def clicked_landmarks(self) -> list[dict[str, Any]]:
+    def clicked_landmarks(self) -> list[dict[str, object]]:
         """Get landmark pairs as a person would click them: ``scanner`` and ``model`` point (mm) and ``name``.
 
         Raises
@@ -178,7 +180,7 @@ class SimulatedBench:
 
     @staticmethod
     def _tune(tec: TecFirmware) -> None:
-        """Leave the temperature controller as its own tuning leaves it on this diode block, kept in its flash."""
+        """Set the temperature controller up as its auto-tuning does for this diode block, and save it in its flash."""
         for number, value in TUNED.items():
             tec.memory.set(number, value)
         tec.memory.save()

@@ -1,4 +1,4 @@
-"""What a person at the simulated bench does: point at landmarks in a scan, read a scale."""
+"""The person at the simulated bench: clicks landmarks in a scan, reads a scale."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def clicks(
     rng: np.random.Generator,
     sigma_mm: float = CLICK_SIGMA_MM,
 ) -> FloatArray:
-    """Point at landmarks in the scan, with a few millimetres of error in each direction.
+    """Click landmarks in the scan, with a few millimetres of error in each direction.
 
     Parameters
     ----------
@@ -38,6 +38,6 @@ def clicks(
 
 
 def scale_reading(spot_mm: FloatArray, rng: np.random.Generator) -> tuple[float, float]:
-    """Read the spot (3,) on a scale across the beam: x and y in mm, as the camera's picture gives them."""
+    """Read the spot (3,) on a scale across the beam: x and y in mm, as read from the camera's picture."""
     x_mm, y_mm = spot_mm[:2] + rng.normal(0.0, SCALE_SIGMA_MM, 2)
     return float(x_mm), float(y_mm)

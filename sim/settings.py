@@ -1,7 +1,7 @@
 """`SimulationSettings`: every physical parameter of the simulated bench, the ``[simulation]`` table of a settings file.
 
-The defaults are the dissertation's radar (sections 2.3 to 2.6). What it does not state is chosen so that its
-measured figures come out; ``docs/physics.md`` says which is which.
+The defaults are the dissertation's radar (sections 2.3 to 2.6). What it does not state is chosen to reproduce its
+measured figures; ``docs/physics.md`` says which is which.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class SimulationSettings(BaseModel):
     )
 
     spot_diameter_mm: float = Field(1.0, ge=0, le=10, description="Spot on the target (1/e^2); 0: one ray a beam")
-    surgical: bool = Field(False, description="Dress the hip: wet bone, fat pad, clot of 2 x 2 mm, two retractors")
+    surgical: bool = Field(False, description="Hip as in surgery: wet bone, fat pad, clot of 2 x 2 mm, two retractors")
     tissue_share: float = Field(
         0.0, ge=0, le=0.8, description="Share of the socket under tissue, torn strands and blood"
     )

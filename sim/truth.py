@@ -1,4 +1,4 @@
-"""`BenchTruth`: what the simulated bench knows and the code under test must not."""
+"""`BenchTruth`: the truth of the simulated bench, hidden from the code under test."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class BenchTruth:
         Parameters
         ----------
         run_ids, records : (N,) int arrays
-            Which run, and which record in it (0 by default). Of a run taken several times the last counts.
+            Which run, and which record in it (0 by default). Of a run taken several times the last one counts.
         """
         numbers = np.zeros(len(run_ids), dtype=np.int64) if records is None else records
         last = {(run, record): truth.range_mm for (run, _, record), truth in self._optics.truth.items()}

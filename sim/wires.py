@@ -1,7 +1,7 @@
-"""What runs between the simulated devices: trigger, supply, mirrors' command and interlock chain.
+"""The wires between the simulated devices: trigger, supply, command of the mirrors, and interlock chain.
 
-The firmware of one device writes a wire, physics and the firmware of others read it. Nothing here knows
-a protocol.
+The firmware of one device drives a wire; the physics and the firmware of others read it. Nothing here depends on a
+protocol.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ class TriggerLine:
 
 @dataclass
 class InterlockChain:
-    """The loop through lid and key switch; devices that hang on it are told of each change."""
+    """The loop through lid and key switch; connected devices are notified of each change."""
 
     _closed: bool = True
-    _listeners: list[Callable[[bool], None]] = field(default_factory=list)
+    _listeners: list[Callable[[], None]] = field(default_factory=list)
 
     @property
     def closed(self) -> bool:
@@ -44,10 +44,10 @@ class InterlockChain:
         if closed != self._closed:
             self._closed = closed
             for listener in self._listeners:
-                listener(closed)
+                listener()
 
-    def on_change(self, listener: Callable[[bool], None]) -> None:
-        """Call ``listener(closed)`` after each change."""
+    def on_change(self, listener: Callable[[], None]) -> None:
+        """Call ``listener`` after each change."""
         self._listeners.append(listener)
 
 
@@ -55,7 +55,7 @@ class Supply(Protocol):
     """Output terminals of the drive supply."""
 
     def output_v(self) -> float:
-        """Get the voltage (V) that stands at the pulser now."""
+        """Get the present voltage (V) at the pulser."""
 
 
 class Mirrors(Protocol):
@@ -94,7 +94,7 @@ class Acquisition:
     delay_ps, step_ps : float
         Sampling instant of the first sample after the trigger, and step from shot to shot.
     samples, sweeps, settle_shots : int
-        Samples in a sweep, sweeps, and shots thrown away before each sweep.
+        Samples in a sweep, sweeps, and shots discarded before each sweep.
     gate_open : bool
         Whether triggers reach the laser.
     """
@@ -117,7 +117,7 @@ class SignalSource(Protocol):
         """Take one window and return the (samples,) sums of the 8-bit codes over its sweeps, with 0 and
         255 as the codes of a clipped sample.
 
-        The firmware needs to know of clipping in single samples: `clipped` tells it of the last call.
+        The firmware needs to know whether single samples were clipped: `clipped` says so for the last call.
         """
 
     @property

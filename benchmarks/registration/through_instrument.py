@@ -39,7 +39,7 @@ from picoradar.sim.physics import (  # noqa: E402
     Scene,
     Target,
     add_tissue,
-    dress,
+    decorate,
     hip,
 )
 
@@ -70,20 +70,20 @@ class Operation:
         if mesh is None:
             body, self.centre, axis = hip(), np.array(SOCKET_CENTRE_MM), np.array(SOCKET_AXIS)
             self.vertices, self.faces = body.vertices, body.faces
-            self._dressed = dress(body, self.centre, axis)
+            self._decorated = decorate(body, self.centre, axis)
         else:
             local, self.faces, _ = _loaded(mesh)
             frame = pose(rotation_from_vector(self._rng.normal(size=3)), self._rng.normal(size=3) * 100.0)
             self.vertices, self.centre, axis = transform(frame, local), frame[:3, 3], frame[:3, 2]
             wet = np.zeros(len(self.faces), dtype=np.int64)
-            self._dressed = Target("bone", self.vertices, self.faces, (BONE_WET,), wet)
+            self._decorated = Target("bone", self.vertices, self.faces, (BONE_WET,), wet)
         self._model_from_scanner = facing_pose(axis, self.centre, self._rng, distance_mm)
 
     def __call__(self, bench: SimulatedBench) -> tuple[np.ndarray, np.ndarray]:
         """Put the bone before the scanner; return the bare model."""
-        bench.target = add_tissue(self._dressed, self.centre, TISSUE_SHARE, self._rng)
+        bench.target = add_tissue(self._decorated, self.centre, TISSUE_SHARE, self._rng)
         bench.scene = Scene(bench.target, inverse(self._model_from_scanner))
-        bench.optics.look_at(bench.scene)
+        bench.optics.aim_at(bench.scene)
         return self.vertices, self.faces
 
 

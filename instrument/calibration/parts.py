@@ -69,7 +69,7 @@ class Walk(Part):
         return error, error.derivative(), PchipInterpolator(self.response_mv, self.sd_mm)
 
     def at(self, response_mv: NDArray[np.float64]) -> WalkCorrection:
-        """SupplyState the walk up at some responses (any shape, mV; NaN gives NaN, outside)."""
+        """Look the walk up at some responses (any shape, mV; NaN gives NaN, outside)."""
         response = np.asarray(response_mv, dtype=np.float64)
         low, high = self.valid_mv
         inside = (response >= low) & (response <= high)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from picoradar.sim.faults.fault import At, Fault
@@ -15,8 +15,8 @@ __all__ = ["KINDS", "At", "Fault", "arm", "load_scenario"]
 _HOMES = {"At": "fault", "Fault": "fault", "arm": "injector", "KINDS": "kinds", "load_scenario": "scenario"}
 
 
-def __getattr__(name: str) -> Any:
-    # The bench itself uses the taps of this package, and the kinds use the bench: names are looked up when asked for.
+def __getattr__(name: str) -> object:
+    # The kinds need the whole bench, which takes a moment to load: each name is imported when it is first used.
     if name in _HOMES:
         from importlib import import_module
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -17,12 +17,12 @@ class _Part(BaseModel):
 
 
 class At(_Part):
-    """When a fault schedule; exactly one of the four."""
+    """When a fault is injected; exactly one of the four."""
 
     time_s: float | None = Field(None, ge=0, description="from this moment on the bench's clock, s")
     command: int | None = Field(None, ge=1, description="at the n-th message on the link")
     pulse: int | None = Field(None, ge=1, description="once so many laser shots have been sampled")
-    probability: float | None = Field(None, gt=0, le=1, description="at each message with this probability")
+    probability: float | None = Field(None, gt=0, le=1, description="at each message, with this probability")
 
     @model_validator(mode="after")
     def _one_of_four(self) -> At:
@@ -40,14 +40,14 @@ class Fault(_Part):
     kind : str
         A key of `picoradar.sim.faults.KINDS`.
     link : str
-        Which link it is on; ``bench`` for physics.
+        Link that it affects; ``bench`` for the physics.
     at : At
     lasts_s : float, optional
-        How long it goes on; without it, for good (a state) or for ``count`` messages.
+        How long it lasts; without it, for good (a state) or for ``count`` messages.
     count : int, optional
-        How many messages it schedule; without it, one, or all while it lasts.
+        How many messages it affects; without it, one, or all while it lasts.
     parameters : dict
-        As the kind says.
+        Parameters of the kind.
     """
 
     kind: str
@@ -57,6 +57,6 @@ class Fault(_Part):
     count: int | None = Field(None, ge=1)
     parameters: dict[str, float] = Field(default_factory=dict)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Get the declaration as plain data, for the header of a recording."""
         return self.model_dump(exclude_none=True)

@@ -1,4 +1,4 @@
-"""Hangs declared faults into a simulated bench."""
+"""Injects declared faults into a simulated bench."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _Message = TypeVar("_Message")
 
 
 def arm(bench: SimulatedBench, faults: Iterable[Fault]) -> Sequence[InjectionSchedule]:
-    """Hang faults into a bench.
+    """Inject faults into a bench.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def arm(bench: SimulatedBench, faults: Iterable[Fault]) -> Sequence[InjectionSch
     Returns
     -------
     sequence of InjectionSchedule
-        One for each fault; tells when it struck first.
+        One for each fault; its ``first_s`` is when the fault was first injected.
     """
     return [_arm_one(bench, number, fault) for number, fault in enumerate(faults)]
 
@@ -39,21 +39,21 @@ def _arm_one(bench: SimulatedBench, number: int, fault: Fault) -> InjectionSched
     rng = bench.noise.stream("faults", number)
     schedule = InjectionSchedule(fault, bench.clock, lambda: bench.signal.shots, rng)
     site = Site(bench, fault, {**kind.defaults, **fault.parameters}, schedule, rng)
-    if kind.hang is not None:
-        kind.hang(site)
+    if kind.install is not None:
+        kind.install(site)
     else:
         _await(site, kind)
     return schedule
 
 
 def _await(site: Site, kind: Kind) -> None:
-    """Begin a state at its moment, once: by a timer, or at a message or a window on its link."""
+    """Arrange that a state begins once, when it is due: by a timer, or at a message or a window on its link."""
     at, clock = site.fault.at, site.bench.clock
     begun = False
 
-    def strike() -> None:
+    def inject() -> None:
         nonlocal begun
-        if begun or kind.begin is None or not site.schedule.now():
+        if begun or kind.begin is None or not site.schedule.hits():
             return
         begun = True
         end = kind.begin(site)
@@ -61,16 +61,16 @@ def _await(site: Site, kind: Kind) -> None:
             clock.call_at(clock.now() + site.fault.lasts_s, end)
 
     if at.time_s is not None:
-        clock.call_at(max(at.time_s, clock.now()), strike)
+        clock.call_at(max(at.time_s, clock.now()), inject)
     elif at.pulse is not None or site.fault.link == "bench":
-        site.bench.signal.before.append(lambda wanted: _first(strike, wanted))
+        site.bench.signal.before.append(lambda wanted: _first(inject, wanted))
     elif site.fault.link in SERIAL:
-        site.serial.to_device.append(lambda data: _first(strike, data))
+        site.serial.to_device.append(lambda data: _first(inject, data))
     else:
-        site.usb.before.append(lambda _setup: strike())
+        site.usb.before.append(lambda _setup: inject())
 
 
-def _first(strike: Callable[[], None], message: _Message) -> _Message:
-    """Let a state begin at a message, and hand the message on."""
-    strike()
+def _first(inject: Callable[[], None], message: _Message) -> _Message:
+    """Let a state begin at a message, and pass the message on."""
+    inject()
     return message

@@ -1,10 +1,10 @@
-"""`Kind`: what a fault does, on which links, with which parameters; and the `Site` that it happens at."""
+"""`Kind`: what a fault does, on which links, with which parameters; and `Site`: where one fault happens."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,7 +27,7 @@ class Site:
     parameters : mapping
         Of the fault, with the kind's defaults filled in.
     schedule : InjectionSchedule
-        Asked once for each message.
+        Decides at which messages the fault is injected; asked once for each message.
     rng : numpy.random.Generator
     """
 
@@ -61,16 +61,16 @@ class Kind:
         Where it can happen.
     meaning : str
         What goes wrong, in a few words.
-    hang : callable, optional
-        ``hang(site)`` hangs it into the messages of its link; it asks ``site.schedule`` at each of them.
+    install : callable, optional
+        ``install(site)`` installs a hook on the messages of its link; the hook asks ``site.schedule`` at each of them.
     begin : callable, optional
-        ``begin(site)`` brings a state about and returns what ends it.
+        ``begin(site)`` begins a state and returns the function that ends it.
     defaults : dict
-        Parameters and their values where the fault does not give them.
+        Parameters with their default values.
     """
 
     links: tuple[Link, ...]
     meaning: str
-    hang: Callable[[Site], Any] | None = None
+    install: Callable[[Site], None] | None = None
     begin: Callable[[Site], End] | None = None
     defaults: dict[str, float] = field(default_factory=dict)

@@ -41,8 +41,8 @@ def _stuck(site: Site) -> End:
 
 
 def _limited(site: Site) -> End:
-    maximum = site.parameters["limit"]
-    return _mirrors(lambda x, y: (max(-maximum, min(maximum, x)), max(-maximum, min(maximum, y))), site)
+    limit = site.parameters["limit"]
+    return _mirrors(lambda x, y: (max(-limit, min(limit, x)), max(-limit, min(limit, y))), site)
 
 
 def _ringing(site: Site) -> End:
@@ -84,10 +84,10 @@ def _forced_current(site: Site) -> End:
 def _open_sensor(site: Site) -> End:
     site.bench.heat_pump.sensor_degc = site.parameters["reads_degc"]
 
-    def mend() -> None:
+    def repair() -> None:
         site.bench.heat_pump.sensor_degc = None
 
-    return mend
+    return repair
 
 
 def _regulation_stops(site: Site) -> End:
@@ -113,7 +113,7 @@ def _sag(site: Site) -> End:
 
 
 def _supply_off(site: Site) -> End:
-    site.bench.genesys.supply.switch(False)
+    site.bench.genesys.supply.switch(on=False)
     return lambda: None
 
 
@@ -122,10 +122,10 @@ def _rate(site: Site) -> End:
     before = line.rate_hz
     line.rate_hz = before * factor
 
-    def mend() -> None:
+    def repair() -> None:
         line.rate_hz = before
 
-    return mend
+    return repair
 
 
 PHYSICS_KINDS: dict[str, Kind] = {

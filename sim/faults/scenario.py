@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import tomllib
 from pathlib import Path
-from typing import Any
 
 from pydantic import ValidationError
 
@@ -23,15 +22,15 @@ def load_scenario(path: Path) -> list[Fault]:
     """
     try:
         text = path.read_text(encoding="utf-8")
-        table: Any = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+        table: object = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
     except (OSError, UnicodeDecodeError, ValueError) as error:
         raise ValueError(f"{path}: cannot be read as faults: {error}; give TOML with [[fault]] or JSON") from error
     if not isinstance(table, dict) or set(table) != {"fault"} or not isinstance(table["fault"], list):
-        raise ValueError(f"{path}: holds no list of faults; write [[fault]] tables, and nothing else")
+        raise ValueError(f"{path}: holds no list of faults; write [[fault]] tables and nothing else")
     return [checked(entry, f"{path}, fault {number}") for number, entry in enumerate(table["fault"], 1)]
 
 
-def checked(entry: Any, where: str) -> Fault:
+def checked(entry: object, where: str) -> Fault:
     """Check one declaration against the kinds.
 
     Raises

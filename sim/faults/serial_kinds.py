@@ -12,24 +12,24 @@ Mangle = Callable[[Site, bytes, float], Pieces]
 
 
 def _replies(mangle: Mangle) -> Callable[[Site], None]:
-    """Hang a function of the answer into the way to the host."""
+    """Make the installer of a hook that changes answers on their way to the host."""
 
-    def hang(site: Site) -> None:
+    def install(site: Site) -> None:
         def hook(data: bytes, delay_s: float) -> Pieces:
-            return mangle(site, data, delay_s) if site.schedule.now() else [(data, delay_s)]
+            return mangle(site, data, delay_s) if site.schedule.hits() else [(data, delay_s)]
 
         site.serial.to_host.append(hook)
 
-    return hang
+    return install
 
 
 def _commands(mangle: Callable[[Site, bytes], bytes]) -> Callable[[Site], None]:
-    """Hang a function of the command into the way to the device."""
+    """Make the installer of a hook that changes commands on their way to the device."""
 
-    def hang(site: Site) -> None:
-        site.serial.to_device.append(lambda data: mangle(site, data) if site.schedule.now() else data)
+    def install(site: Site) -> None:
+        site.serial.to_device.append(lambda data: mangle(site, data) if site.schedule.hits() else data)
 
-    return hang
+    return install
 
 
 def _place(site: Site, data: bytes) -> int:
@@ -70,7 +70,7 @@ def _merge(site: Site) -> None:
     held: list[bytes] = []
 
     def hook(data: bytes, delay_s: float) -> Pieces:
-        if site.schedule.now():
+        if site.schedule.hits():
             held.append(data)
             return []
         joined = b"".join([*held, data])
@@ -82,7 +82,7 @@ def _merge(site: Site) -> None:
 
 def _echo(site: Site) -> None:
     def hook(data: bytes) -> bytes:
-        if site.schedule.now():
+        if site.schedule.hits():
             site.serial.say(data)
         return data
 
@@ -136,7 +136,7 @@ SERIAL_KINDS: dict[str, Kind] = {
     ),
     "reply_unterminated": Kind(SERIAL, "the end of line is missing", _replies(lambda _s, d, t: [(d[:-1], t)])),
     "reply_doubled": Kind(SERIAL, "an answer comes twice", _replies(lambda _s, d, t: [(d, t), (d, t)])),
-    "reply_garbage": Kind(SERIAL, "noise in place of an answer, as at a wrong baud rate", _replies(_garbage)),
+    "reply_garbage": Kind(SERIAL, "noise in place of an answer, as with a wrong baud rate", _replies(_garbage)),
     "replies_merged": Kind(SERIAL, "an answer waits for the next one", _merge),
     "line_chatter": Kind(
         SERIAL, "noise after an answer",

@@ -1,4 +1,4 @@
-"""Faults of the light and of what the bridge makes of it."""
+"""Faults of the light and of its digitisation by the bridge."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from picoradar.sim.faults.kind import End, Kind, Site
 from picoradar.sim.wires import Acquisition
 
 Sums = NDArray[np.uint32]
-REFERENCE_ENDS_PS = 8300.0  # the reference crosses at about 7.3 ns, an echo at 620 mm at about 8.6 ns: it begins here
+REFERENCE_ENDS_PS = 8300.0  # the reference crosses 50 % at about 7.3 ns, an echo from 620 mm at about 8.6 ns
 FULL_CODE = 255
 
 
@@ -30,7 +30,7 @@ def _after(corrupt: Callable[[Site, Sums, Acquisition], Sums]) -> Callable[[Site
 
 
 def before(change: Callable[[Site, Acquisition], Acquisition]) -> Callable[[Site], End]:
-    """Change what every window is, while the fault lasts."""
+    """Change the settings of every window while the fault lasts."""
 
     def begin(site: Site) -> End:
         def hook(wanted: Acquisition) -> Acquisition:

@@ -16,34 +16,34 @@ HEADER_BYTES = 52
 
 
 def _frames(mangle: Callable[[Site, bytes], bytes | None]) -> Callable[[Site], None]:
-    """Hang a function of the frame into the bridge's queue."""
+    """Make the installer of a hook that changes frames in the bridge's queue."""
 
-    def hang(site: Site) -> None:
+    def install(site: Site) -> None:
         queue = site.bench.bridge.acquirer.queue
         earlier = queue.fault
 
         def fault(frame: bytes) -> bytes | None:
             queued = frame if earlier is None else earlier(frame)
-            return mangle(site, queued) if queued is not None and site.schedule.now() else queued
+            return mangle(site, queued) if queued is not None and site.schedule.hits() else queued
 
         queue.fault = fault
 
-    return hang
+    return install
 
 
 def _transfers(change: Callable[[Site, bytes], list[InTransfer]]) -> Callable[[Site], None]:
-    """Hang a function of the IN transfer of data into the plugged-in device."""
+    """Make the installer of a hook that changes the data transfers of the plugged-in device."""
 
-    def hang(site: Site) -> None:
+    def install(site: Site) -> None:
         device = _device(site)
 
         def tamper(endpoint: int, data: bytes) -> list[InTransfer]:
-            struck = endpoint == sbp.EP_DATA and site.schedule.now()
-            return change(site, data) if struck else [InTransfer(data)]
+            hit = endpoint == sbp.EP_DATA and site.schedule.hits()
+            return change(site, data) if hit else [InTransfer(data)]
 
         device.tamper = tamper
 
-    return hang
+    return install
 
 
 def _device(site: Site) -> SimUsbDevice:
@@ -74,16 +74,16 @@ def _split(_site: Site, data: bytes) -> list[InTransfer]:
 
 
 def _requests(act: Callable[[Site, Setup], None]) -> Callable[[Site], None]:
-    """Hang something that happens before a control request."""
+    """Make the installer of a hook that acts before a control request."""
 
-    def hang(site: Site) -> None:
+    def install(site: Site) -> None:
         def hook(setup: Setup) -> None:
-            if site.schedule.now():
+            if site.schedule.hits():
                 act(site, setup)
 
         site.usb.before.append(hook)
 
-    return hang
+    return install
 
 
 def _stall(_site: Site, _setup: Setup) -> None:
@@ -105,21 +105,21 @@ def _halt(site: Site, _setup: Setup) -> None:
 
 
 def _ignore(request: Request, value: int | None = None) -> Callable[[Site], None]:
-    """Hang in that the device ignores one request while it says that all is well."""
+    """Make the installer of a hook that lets the device ignore one request while it reports success."""
 
-    def hang(site: Site) -> None:
+    def install(site: Site) -> None:
         def hook(setup: Setup, _data: bytes) -> bool:
             meant = setup.request == request and (value is None or setup.value == value)
-            return meant and site.schedule.now()
+            return meant and site.schedule.hits()
 
         site.usb.ignored.append(hook)
 
-    return hang
+    return install
 
 
 def _status_flipped(site: Site) -> None:
     def change(setup: Setup, answer: bytes) -> bytes:
-        return flipped(site, answer) if setup.request == Request.GET_STATUS and site.schedule.now() else answer
+        return flipped(site, answer) if setup.request == Request.GET_STATUS and site.schedule.hits() else answer
 
     site.usb.answers.append(change)
 
@@ -131,7 +131,7 @@ def _unplug(site: Site) -> End:
 
 
 def _plug(site: Site) -> None:
-    """Plug the cable in, at a new address, if nobody else has done so."""
+    """Plug the cable in, at a new address, unless it is plugged in already."""
     backend = site.bench.usb_backend
     if all(device.firmware is not site.usb for device in backend.enumerate_devices()):
         backend.plug(site.usb)
@@ -156,7 +156,9 @@ USB_KINDS: dict[str, Kind] = {
     "transfer_split": Kind(("bridge",), "a frame comes in two transfers", _transfers(_split)),
     "transfer_doubled": Kind(("bridge",), "a transfer comes twice", _transfers(lambda _s, d: [InTransfer(d)] * 2)),
     "transfer_unended": Kind(
-        ("bridge",), "the packet that ends a transfer is missing", _transfers(lambda _s, d: [InTransfer(d, False)])
+        ("bridge",),
+        "the packet that ends a transfer is missing",
+        _transfers(lambda _s, d: [InTransfer(d, ended=False)]),
     ),
     "transfer_overlong": Kind(
         ("bridge",), "more bytes than the host has room for", _transfers(lambda _s, d: [InTransfer(d * 3)])
@@ -168,7 +170,7 @@ USB_KINDS: dict[str, Kind] = {
     "status_flipped": Kind(("bridge",), "one bit of the status block is wrong", _status_flipped),
     "error_queue_full": Kind(("bridge",), "the error queue overflows", _requests(_fill_error_queue)),
     "heartbeat_lost": Kind(("bridge",), "heartbeats do not reach the bridge", _ignore(Request.HEARTBEAT)),
-    "gate_off_ignored": Kind(("bridge",), "the gate does not close when it is told to", _ignore(Request.LASER, 0)),
+    "gate_off_ignored": Kind(("bridge",), "the gate does not close on command", _ignore(Request.LASER, 0)),
     "start_ignored": Kind(("bridge",), "a run does not start", _ignore(Request.START)),
     "usb_unplugged": Kind(
         USB, "the cable is pulled (and plugged in again at a new address, if it lasts)", begin=_unplug

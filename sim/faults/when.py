@@ -1,4 +1,4 @@
-"""`InjectionSchedule`: decides, message by message, whether a fault schedule now."""
+"""`InjectionSchedule`: decides, message by message, whether a fault is injected now."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from picoradar.sim.faults.fault import Fault
 
 
 class InjectionSchedule:
-    """Counts the messages on a link and tells at which of them a fault schedule.
+    """Counts the messages on a link and decides at which of them a fault is injected.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class InjectionSchedule:
     Attributes
     ----------
     first_s : float or None
-        When it struck first.
+        When the fault was first injected.
     """
 
     def __init__(self, fault: Fault, clock: Clock, shots: Callable[[], int], rng: np.random.Generator) -> None:
@@ -39,8 +39,8 @@ class InjectionSchedule:
             self._left = None
         self.first_s: float | None = None
 
-    def now(self) -> bool:
-        """Count one message and tell whether it is struck."""
+    def hits(self) -> bool:
+        """Count one message, and decide whether the fault affects it."""
         self._seen += 1
         if self._left == 0 or not self._due():
             return False

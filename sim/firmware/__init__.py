@@ -1,1 +1,1 @@
-"""Firmware of the simulated devices: what answers at the other end of the wire, a folder a device."""
+"""Firmware of the simulated devices, one folder per device."""

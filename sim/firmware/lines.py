@@ -1,4 +1,4 @@
-"""Cuts a stream of bytes into lines, whatever pieces it comes in."""
+"""Splits a stream of bytes into lines, whatever chunks it comes in."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ class LineReader:
     ends : bytes
         Every byte in it ends a line.
     limit : int
-        Longest line. The rest of a longer one is thrown away, and it is given back cut to ``limit + 1``
-        bytes, so that the device can tell.
+        Longest line. A longer one is returned truncated to ``limit + 1`` bytes, so that the device can
+        recognise it.
     """
 
     def __init__(self, ends: bytes, limit: int) -> None:
@@ -34,7 +34,7 @@ class LineReader:
         return lines
 
     def clear(self) -> None:
-        """Forget the half line."""
+        """Discard the incomplete line."""
         self._line.clear()
 
     def _take(self, piece: bytes) -> None:

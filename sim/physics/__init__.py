@@ -1,4 +1,4 @@
-"""The physics of the radar and of what it looks at, from first principles; shares no formula with the instrument."""
+"""The physics of the radar and of its targets, from first principles; shares no formula with the instrument."""
 
 from picoradar.sim.physics.drift import SlowDrift
 from picoradar.sim.physics.footprint import bundle
@@ -20,7 +20,7 @@ from picoradar.sim.physics.targets import (
     place_target,
 )
 from picoradar.sim.physics.thermal import DiodeBlock
-from picoradar.sim.physics.tissue import FOSSA_MM, clutter, dress
+from picoradar.sim.physics.tissue import FOSSA_MM, add_tissue, decorate
 from picoradar.sim.physics.transmitter import OPERATING_DEGC, OPERATING_V, LaserPulse, Transmitter
 
 __all__ = [
@@ -49,10 +49,10 @@ __all__ = [
     "Target",
     "Transmitter",
     "Truth",
+    "add_tissue",
     "build_scene",
     "bundle",
-    "clutter",
-    "dress",
+    "decorate",
     "hip",
     "landmarks",
     "load_target",

@@ -1,4 +1,4 @@
-"""`SlowDrift`: a smooth random wander along the measurement, the same whenever and however it is looked at."""
+"""`SlowDrift`: a smooth random drift that depends on the time alone, not on when or how often it is read."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class SlowDrift:
         self._knot = lru_cache(maxsize=256)(self._draw)
 
     def at(self, time_s: float) -> float:
-        """Get the wander at a time (s, 0 or later)."""
+        """Get the drift at a time (s, 0 or later)."""
         place = time_s / self._spacing_s
         first = math.floor(place)
         u = place - first

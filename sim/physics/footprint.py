@@ -1,4 +1,4 @@
-"""The spot of the laser as a bundle of rays, so that an edge under it gives two echoes."""
+"""The spot of the laser as a bundle of rays, so that an edge inside it gives two echoes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def bundle(origin: FloatArray, direction: FloatArray, diameter_mm: float) -> Flo
     Parameters
     ----------
     origin, direction : (3,) arrays
-        The beam's axis; the first ray is this.
+        The beam's axis, which is the first ray.
     diameter_mm : float
         Diameter of the spot; 0 gives the axis alone.
 

@@ -1,4 +1,4 @@
-"""`LaserMonitor`: a fast photodetector and a power meter at the exit, set up to look at the laser itself."""
+"""`LaserMonitor`: a fast photodetector and a power meter at the exit, which measure the laser itself."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`Material`: what a surface sends back to the laser at 904 nm."""
+"""`Material`: how a surface scatters the laser's light back at 904 nm."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ class Material:
 
 
 def backscatter(cosine: FloatArray, coefficients: FloatArray) -> FloatArray:
-    """Get what comes back to the source, relative to a white Lambertian at normal incidence.
+    """Get the backscattered light, relative to a white Lambertian at normal incidence.
 
-    Diffuse part after Oren and Nayar (SIGGRAPH 1994), first order model, with the eye at the lamp: facets that face
-    the source keep a tilted rough surface bright where a smooth one would go as the cosine. Specular part after
-    Beckmann: facets that look straight at the source.
+    Diffuse part after Oren and Nayar (SIGGRAPH 1994), first order model, with detector and source in one place: facets
+    that face the source keep a tilted rough surface bright, where a smooth one darkens as the cosine. Specular part
+    after Beckmann: facets that face the source exactly.
 
     Parameters
     ----------

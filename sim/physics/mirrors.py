@@ -29,7 +29,7 @@ class Beam(NamedTuple):
 
 
 class _Axis(NamedTuple):
-    """One axis from a command on: where it was sent, and what is still missing, in commands (-1..1)."""
+    """One axis after a command: target, and remaining deviations of servo and creep, in commands (-1..1)."""
 
     target: float
     servo: float
@@ -38,7 +38,7 @@ class _Axis(NamedTuple):
 
 
 class _Motion(NamedTuple):
-    """Both axes from a command on."""
+    """Both axes after a command."""
 
     since_s: float
     axes: tuple[_Axis, _Axis]
@@ -47,8 +47,8 @@ class _Motion(NamedTuple):
 class MirrorPair:
     """Two mirrors; implements `picoradar.sim.wires.Mirrors`.
 
-    A step goes through a critically damped servo, but for a small share of it that creeps in: at 40 mm of
-    fly-back half a millimetre is missing when the servo has arrived (dissertation, section 2.6.2).
+    A step passes through a critically damped servo, except for a small share that creeps in: after 40 mm of
+    fly-back half a millimetre is missing when the servo has settled (dissertation, section 2.6.2).
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class MirrorPair:
     settings : SimulationSettings
         Field, separation and errors of the scanner.
     noise : Noise
-        Source of the error of each return.
+        Source of the random error of each return.
     """
 
     def __init__(self, clock: Clock, settings: SimulationSettings, noise: Noise) -> None:
@@ -102,7 +102,7 @@ class MirrorPair:
         self._history.append(_Motion(now_s, (axes[0], axes[1])))
 
     def position(self, t_s: float) -> tuple[float, float]:
-        """Get where both mirrors stand at the moment ``t_s``, in commands (-1..1)."""
+        """Get the position of both mirrors at the time ``t_s``, in commands (-1..1)."""
         motion = self._history[-1]
         if motion.since_s > t_s:
             motion = next((m for m in reversed(self._history) if m.since_s <= t_s), self._history[0])
@@ -110,7 +110,7 @@ class MirrorPair:
         return x.target - x.servo - x.creep, y.target - y.servo - y.creep
 
     def angles_rad(self, t_s: float, *key: int) -> Vector:
-        """Get the true optical angles (2,) of both mirrors at ``t_s``; ``key`` names the error of this return."""
+        """Get the true optical angles (2,) of both mirrors at ``t_s``; ``key`` selects this return's random error."""
         x, y = self.position(t_s)
         angles_deg = self._noise.stream("scanner.repeatability", *key).standard_normal(2)
         angles_deg *= self._settings.repeatability_deg
@@ -122,7 +122,7 @@ class MirrorPair:
         return np.asarray(np.radians(angles_deg))
 
     def beam(self, t_s: float, *key: int) -> Beam:
-        """Get the ray that leaves the mirrors at the moment ``t_s`` (scanner frame, see `trace`)."""
+        """Get the ray that leaves the mirrors at the time ``t_s`` (scanner frame, see `trace`)."""
         return self.ray(self.angles_rad(t_s, *key))
 
     def ray(self, angles_rad: Vector) -> Beam:
@@ -132,7 +132,7 @@ class MirrorPair:
         return trace(float(x_rad) / 2, float(y_rad) / 2, self._settings.mirror_separation_mm, turn_rad)
 
     def _later(self, axis: _Axis, elapsed_s: float) -> _Axis:
-        """Way still to go some time after a command: the free motion r'' + 2 r'/T + r/T^2 = 0, and the creep."""
+        """Remaining deviation some time after a command: the free motion r'' + 2 r'/T + r/T^2 = 0, and the creep."""
         elapsed_s = max(0.0, elapsed_s)
         servo_s, creep_s = self._settings.servo_time_ms * 1e-3, self._settings.creep_time_ms * 1e-3
         decay = math.exp(-elapsed_s / servo_s)
@@ -147,7 +147,7 @@ class MirrorPair:
 def trace(x_turn_rad: float, y_turn_rad: float, separation_mm: float, axis_turn_rad: float = 0.0) -> Beam:
     """Reflect the laser beam at two mirror planes.
 
-    The beam flies along +x to mirror 1 at (0, -separation, 0), which turns about z (at rest its normal is
+    The beam travels along +x to mirror 1 at (0, -separation, 0), which turns about z (at rest its normal is
     (-1, 1, 0)), then to mirror 2, which contains the origin and turns about x (at rest (0, -1, 1)). Both mirror
     planes contain their axes. A positive turn deflects the beam to +x or +y.
 
@@ -177,7 +177,7 @@ def trace(x_turn_rad: float, y_turn_rad: float, separation_mm: float, axis_turn_
     return Beam(second_hit, np.array(_reflected(between, second_normal)), path_mm)
 
 
-# Plain tuples: for single vectors they are several times as fast as arrays.
+# Plain tuples: several times as fast as arrays for single vectors.
 _Triple = tuple[float, float, float]
 
 

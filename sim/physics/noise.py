@@ -1,7 +1,7 @@
 """Random numbers by name: one root seed, one stream for each source of noise.
 
-Adding a source never shifts another, and a number depends on what is measured (run, repetition, record),
-not on when, how fast or in which blocks it was computed.
+Adding a source never shifts another, and a number depends on the measurement (run, repetition, record), not
+on when, how fast or in which blocks it is computed.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Noise:
     def stream(self, name: str, *key: int) -> np.random.Generator:
         """Make the generator of the source ``name`` for one measurement.
 
-        A record needs several streams, so making one has to be cheap: the state is a hash (BLAKE2b, RFC 7693) of
+        A record needs several streams, so that making one has to be cheap: the state is a hash (BLAKE2b, RFC 7693) of
         seed, name and key, which takes a quarter of the time of numpy's `SeedSequence`.
 
         Parameters
@@ -41,7 +41,7 @@ class Noise:
         name : str
             Name of the noise source, for example ``"receiver.amplifier"``.
         *key : int
-            What is measured, for example run id, repetition and record number.
+            The measurement, for example run id, repetition and record number.
         """
         digest = self._source(name).copy()
         digest.update(struct.pack(f"<{len(key)}q", *key))

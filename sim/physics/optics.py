@@ -1,4 +1,4 @@
-"""`Optics`: laser, mirrors, target, photodiode and A/D put together, as the sampling bridge's firmware sees them."""
+"""`Optics`: laser, mirrors, target, photodiode and A/D combined into the signal source of the sampling bridge."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from picoradar.sim.wires import Acquisition, Supply, TriggerLine
 LIGHT_MM_PER_PS = 0.299792458 / 1.00027  # in air; group index at 904 nm, 20 degC, 1013 hPa
 TEMPERATURE_GRID_DEGC = 0.01
 REMEMBERED_RECORDS = 4096
-AGAIN_WITHIN_S = 60.0  # a record that is taken again later than this finds the bench as it is then
+AGAIN_WITHIN_S = 60.0  # a record that is repeated later than this is taken under the conditions of that time
 
 
 class Truth(NamedTuple):
-    """What one measurement should have given.
+    """The true result of one measurement.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Truth(NamedTuple):
     angles_rad : (2,) float array
         Optical angles of the two mirrors.
     point_mm : (3,) float array
-        Where the axis of the beam meets the target (scanner frame); NaN where it misses.
+        Where the axis of the beam hits the target (scanner frame); NaN where it misses.
     """
 
     range_mm: float
@@ -49,7 +49,7 @@ class Truth(NamedTuple):
 
 
 class _View(NamedTuple):
-    """What the spot sees: ``path_mm`` (N,) from the diode to the target and the share of the pulse's energy
+    """View of the spot: ``path_mm`` (N,) from the diode to the target and the share of the pulse's energy
     that comes back onto the photodiode, ``returned`` (N,), for each ray that hits; and the beam's axis."""
 
     path_mm: NDArray[np.float64]
@@ -60,7 +60,7 @@ class _View(NamedTuple):
 
 
 class _Conditions(NamedTuple):
-    """What a measurement found besides its noise: when, where the mirrors had been sent, diode and view."""
+    """Conditions of a measurement besides its noise: time, command of the mirrors, diode and view."""
 
     start_s: float
     commanded: tuple[float, float]
@@ -84,9 +84,9 @@ class Optics:
     block : DiodeBlock
         Gives the diode's temperature, takes its heat.
     mirrors : MirrorPair
-        Where the beam goes.
+        Direction of the beam.
     scene : Scene
-        What it hits.
+        Target of the beam.
 
     Attributes
     ----------
@@ -131,8 +131,8 @@ class Optics:
         """Get the true pose (4, 4) of the target."""
         return self._scene.scanner_from_model
 
-    def look_at(self, scene: Scene) -> None:
-        """Put another target before the scanner."""
+    def aim_at(self, scene: Scene) -> None:
+        """Put another target in front of the scanner."""
         self._scene = scene
         self._found.clear()
 
@@ -143,8 +143,8 @@ class Optics:
         independent from sample to sample: their variances add, and one Gaussian number stands for all of them.
 
         All numbers come from streams keyed by ``wanted.key``, and the diode's temperature is taken on a grid of
-        10 mK, so the same measurement under the same conditions gives the same codes whenever it is made. One that is
-        taken again because it got lost on its way is that same measurement, conditions included.
+        10 mK, so that the same measurement under the same conditions gives the same codes whenever it is made. One
+        that is repeated because its data were lost counts as that same measurement, conditions included.
         """
         noise = self._noise.stream("receiver", *wanted.key).standard_normal(
             (wanted.sweeps, wanted.samples), dtype=np.float32
@@ -157,7 +157,7 @@ class Optics:
         return sums
 
     def _with_light(self, wanted: Acquisition, noise: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Turn standard noise (sweeps, samples) into the signal of every shot, in mV; uses ``noise`` up."""
+        """Turn standard noise (sweeps, samples) into the signal of every shot, in mV; overwrites ``noise``."""
         s = self._settings
         diode_degc, view = self._conditions(wanted)
         drive_v = self._supply.output_v()
@@ -179,12 +179,12 @@ class Optics:
         return signal_mv
 
     def _conditions(self, wanted: Acquisition) -> tuple[float, _View]:
-        """Temperature of the diode and view of the spot: those of the first attempt, if the mirrors stand the same."""
+        """Temperature of the diode and view of the spot: those of the first attempt, if the mirrors have not moved."""
         commanded = self._mirrors.commanded
         found = self._found.get(wanted.key)
         if found is None or found.commanded != commanded or not 0 <= wanted.start_s - found.start_s < AGAIN_WITHIN_S:
             diode_degc = round(self._block.temperature_degc() / TEMPERATURE_GRID_DEGC) * TEMPERATURE_GRID_DEGC
-            found = _Conditions(wanted.start_s, commanded, diode_degc, self._look(wanted))
+            found = _Conditions(wanted.start_s, commanded, diode_degc, self._view(wanted))
             self._found[wanted.key] = found
             if len(self._found) > REMEMBERED_RECORDS:
                 del self._found[next(iter(self._found))]
@@ -223,7 +223,7 @@ class Optics:
         charge_fc = self._receiver.reference_charge_fc(laser.energy_pj / self._nominal_pj)
         return self._receiver.pulses(np.array([arrival_ps]), np.array([charge_fc]), laser.fwhm_ps)
 
-    def _look(self, wanted: Acquisition) -> _View:
+    def _view(self, wanted: Acquisition) -> _View:
         """Follow the beam to the target and back; the middle of the first sweep stands for the whole record."""
         s = self._settings
         middle_s = wanted.start_s + (wanted.settle_shots + wanted.samples / 2) / wanted.prf_hz
@@ -238,7 +238,7 @@ class Optics:
         point = beam.origin + axis_mm * beam.direction if math.isfinite(axis_mm) else np.full(3, math.nan)
         seen = hits.brightness > 0
         path_mm = beam.path_mm + hits.distance_mm[seen]
-        collected = (s.aperture_diameter_mm / (2 * path_mm)) ** 2  # of what a white Lambertian sends back
+        collected = (s.aperture_diameter_mm / (2 * path_mm)) ** 2  # share of the light from a white Lambertian
         returned = hits.brightness[seen] * collected * (s.exit_transmission * s.receiver_transmission / len(origins))
         range_mm = beam.path_mm + axis_mm - s.mirror_separation_mm
         return _View(path_mm + s.transmitter_path_mm, returned, range_mm, point, angles)

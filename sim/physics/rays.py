@@ -1,4 +1,4 @@
-"""Which triangle a ray meets first: by Embree where there is a build of it, else by plain numpy (slow)."""
+"""The first triangle that a ray meets: by Embree where it is available, else by plain numpy (slow)."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def caster(corners: FloatArray) -> Caster:
         from embreex.rtcore_scene import EmbreeScene
     except ImportError:
         return NumpyCaster(corners)
-    scene = EmbreeScene()
+    scene: Caster = EmbreeScene()
     TriangleMesh(scene, np.ascontiguousarray(corners, dtype=np.float32))
-    return scene  # type: ignore[no-any-return]
+    return scene
 
 
 class NumpyCaster:

@@ -24,8 +24,8 @@ SPAN_PS = 8192
 SUPPORT_LEVEL = 2e-4
 LEVELS = 33
 NOMINAL_FWHM_PS = 44.0
-APART_PS = 200.0  # light that arrives later than this is a pulse of its own for the photodiode's speed
-TOGETHER_PS = 10.0  # light that arrives within this is as good as together: 0.2 % of rise time
+APART_PS = 200.0  # light that arrives later than this counts as a pulse of its own
+TOGETHER_PS = 10.0  # light that arrives within this counts as simultaneous: 0.2 % of rise time
 
 
 class PulseTable(NamedTuple):
@@ -90,7 +90,7 @@ class Receiver:
         return 1e3 * self._s.load_ohm * self._shot_noise_a / self._s.avalanche_gain
 
     def charge_fc(self, light_pj: FloatArray) -> FloatArray:
-        """Get the charge (fC) that light on the photodiode (pJ) sets free, multiplication included."""
+        """Get the charge (fC) that light on the photodiode (pJ) generates, multiplication included."""
         return light_pj * (self._s.responsivity_a_per_w * self._s.avalanche_gain * 1e3)
 
     def rise_excess(self, response_mv: float) -> float:
@@ -99,12 +99,12 @@ class Receiver:
         return self._s.slow_rise_excess / (1.0 + math.exp(min(exponent, 700.0)))
 
     def pulses(self, arrivals_ps: FloatArray, charges_fc: FloatArray, laser_fwhm_ps: float) -> list[Pulse]:
-        """Get what the photodiode makes of light that arrives in several parts.
+        """Get the pulses of the photodiode for light that arrives in several parts.
 
         Parameters
         ----------
         arrivals_ps, charges_fc : (N,) arrays
-            Arrival of each part (centre of the laser pulse) and the charge that it frees.
+            Arrival of each part (centre of the laser pulse) and its charge.
         laser_fwhm_ps : float
             Width of the laser pulse.
 

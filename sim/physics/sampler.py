@@ -1,4 +1,4 @@
-"""Sampling bridge and A/D: which instant each shot samples, and the code that comes of it."""
+"""Sampling bridge and A/D: the instant that each shot samples, and the resulting code."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MAX_CODE = 255
 def add_pulse(
     signal_mv: NDArray[np.float32], slope: NDArray[np.float32], first_ps: float, step_ps: float, pulse: Pulse
 ) -> None:
-    """Add a pulse to what the strobe finds at each of its instants.
+    """Add a pulse to the signal at the sampling instants.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 
 class Hits(NamedTuple):
     """Where N rays meet the target: ``distance_mm`` (N,) (inf where they miss), ``face`` (N,) (-1 where they miss),
-    ``cosine`` (N,) of the incidence angle, and ``brightness`` (N,), what comes back relative to a white
+    ``cosine`` (N,) of the incidence angle, and ``brightness`` (N,), the backscattered light relative to a white
     Lambertian at normal incidence (0 where they miss)."""
 
     distance_mm: FloatArray
@@ -58,7 +58,7 @@ class Target:
 
 
 class Scene:
-    """Ray casting on a target that stands somewhere in the scanner frame.
+    """Ray casting on a target at some pose in the scanner frame.
 
     Embree finds the face in single precision; the hit is then the intersection with the plane of that face in
     double precision. Both sides of a face reflect.

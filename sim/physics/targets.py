@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from picoradar.sim.physics.materials import BONE_MOIST, GRAY_PAINT, WHITE, Material, paint
 from picoradar.sim.physics.noise import Noise
 from picoradar.sim.physics.scene import FloatArray, Scene, Target
-from picoradar.sim.physics.tissue import clutter, dress
+from picoradar.sim.physics.tissue import add_tissue, decorate
 from picoradar.sim.settings import Pose, SimulationSettings
 
 HIP_FILE = Path(__file__).parents[1] / "data" / "hip_right.stl"
@@ -58,12 +58,12 @@ def place_target(target: Target, distance_mm: float, pose: Pose | None, rng: np.
     ----------
     target : Target
     distance_mm : float
-        Distance of the body's middle (the socket's centre, the front of a plate) along the beam at rest.
+        Distance of the body's centre (that of the socket, the front of a plate) along the beam at rest.
     pose : Pose or None
         x, y, z (mm) and turns about x, y, z (deg, in this order about fixed axes), applied to a body that faces the
         scanner with its middle in the origin; the frame of a mesh file is taken as it is.
         None puts it at ``distance_mm``: a bone with a random roll, a random tilt of up to 15 deg
-        and a few mm of aiming error, as a person sets it up; calibration bodies straight.
+        and a few mm of aiming error, as after set-up by hand; calibration bodies straight.
     rng : numpy.random.Generator
 
     Returns
@@ -86,12 +86,12 @@ def place_target(target: Target, distance_mm: float, pose: Pose | None, rng: np.
 
 
 def build_scene(settings: SimulationSettings, noise: Noise) -> Scene:
-    """Put up what the settings say, with what chance decides taken from ``noise``.
+    """Build the scene of the settings; random choices come from ``noise``.
 
     Raises
     ------
     ValueError
-        When the target cannot be used, or is to be dressed for surgery and is not the hip.
+        When the target cannot be used, or is to be decorated for surgery and is not the hip.
     """
     target = load_target(settings.target, settings.reflectance)
     if settings.surgical or settings.tissue_share > 0:
@@ -99,15 +99,15 @@ def build_scene(settings: SimulationSettings, noise: Noise) -> Scene:
             raise ValueError(f"target {settings.target}: surgical and tissue_share are for the hip only")
         centre, axis = np.array(SOCKET_CENTRE_MM), np.array(SOCKET_AXIS)
         if settings.surgical:
-            target = dress(target, centre, axis)
+            target = decorate(target, centre, axis)
         if settings.tissue_share > 0:
-            target = clutter(target, centre, settings.tissue_share, noise.stream("scene.tissue"))
+            target = add_tissue(target, centre, settings.tissue_share, noise.stream("scene.tissue"))
     pose = place_target(target, settings.distance_mm, settings.target_pose, noise.stream("scene.pose"))
     return Scene(target, pose)
 
 
 def landmarks(name: str) -> dict[str, FloatArray]:
-    """Get the named points (3,) mm of a body that a person can find both on the model and in a scan.
+    """Get the named points (3,) mm of a body that a person can identify both on the model and in a scan.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def hip() -> Target:
 
 
 def prism() -> Target:
-    """Calibration prism of section 4.1.1: base 40 x 40 mm, ridge 40 mm above it along y, gray paint."""
+    """Calibration prism (dissertation, section 4.1.1): base 40 x 40 mm, ridge 40 mm above it along y, gray paint."""
     vertices = [(x, y, -20.0) for x in (-20.0, 20.0) for y in (-20.0, 20.0)] + [(0.0, -20.0, 20.0), (0.0, 20.0, 20.0)]
     faces = [(0, 1, 5), (0, 5, 4), (2, 4, 5), (2, 5, 3), (0, 4, 2), (1, 3, 5), (0, 2, 3), (0, 3, 1)]
     return _body("prism", np.array(vertices), np.array(faces, dtype=np.int64), GRAY_PAINT)
@@ -150,7 +150,7 @@ def step() -> Target:
 
 
 def gray() -> Target:
-    """Plate with ten vertical strips, 4 mm each over the middle 40 mm, from nearly black to white (figure 2.14)."""
+    """Plate with ten vertical strips from nearly black to white, 4 mm each (dissertation, figure 2.14)."""
     edges = np.concatenate([[-200.0], np.arange(-16.0, 17.0, 4.0), [200.0]])
     return _strips("gray", edges, np.zeros(10), tuple(paint(level) for level in np.linspace(0.07, 0.9, 10)))
 
@@ -174,7 +174,7 @@ _BODIES: dict[str, Callable[[], Target]] = {
 
 
 def _facing(target: Target) -> FloatArray:
-    """Pose in which a body has its middle in the origin and looks along -z, to the scanner."""
+    """Pose in which a body has its centre in the origin and faces the scanner along -z."""
     if target.name == "hip":
         middle, outward, up = np.array(SOCKET_CENTRE_MM), np.array(SOCKET_AXIS), np.array([0.0, 1.0, 0.0])
     elif target.name in _BODIES:

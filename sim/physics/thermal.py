@@ -14,8 +14,8 @@ from picoradar.sim.settings import SimulationSettings
 class DiodeBlock:
     """Temperature of the laser diode; implements `picoradar.sim.wires.HeatPump`.
 
-    Block and sink obey ``C dT/dt = P + G (T_other - T)``, linear with constant input between two calls, so the state
-    is carried forward exactly whenever somebody looks, whatever the interval. Half of the Joule heat of
+    Block and sink obey ``C dT/dt = P + G (T_other - T)``, linear with constant input between two calls, so that the
+    state is carried forward exactly at each reading, whatever the interval. Half of the Joule heat of
     the Peltier element goes to each of its sides; what it pumps into the block it takes from the sink.
 
     Parameters
@@ -38,14 +38,14 @@ class DiodeBlock:
             [[-between / block, between / block], [between / sink, -(between + to_air) / sink]], dtype=np.float64
         )
         rates, modes = np.linalg.eig(exchange)
-        # Plain numbers: for two of them they are several times as fast as arrays.
+        # Plain numbers: several times as fast as arrays of two.
         self._rates: list[float] = rates.tolist()
         self._modes: list[list[float]] = modes.tolist()
         self._amplitudes_per_j: list[list[float]] = (np.linalg.inv(modes) / np.array([block, sink])).tolist()
         self._amplitudes: list[float] = (np.linalg.inv(modes) @ np.full(2, settings.ambient_degc)).tolist()
 
     def heated_by(self, power_w: Callable[[], float]) -> None:
-        """Tell the block what heats it besides the Peltier element: ``power_w()`` in W."""
+        """Set what heats the block besides the Peltier element: ``power_w()`` in W."""
         self._load = power_w
 
     def temperature_degc(self) -> float:

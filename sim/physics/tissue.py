@@ -1,4 +1,4 @@
-"""What lies on a socket during an operation: wet bone, fat pad, clot, torn tissue, blood, and retractors beside it."""
+"""A socket during an operation: wet bone, fat pad, clot, torn tissue, blood, and retractors beside it."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ CLOT_MM = 2.0
 WALL_MM, CARTILAGE_MM = 4.0, 1.5  # tissue lies on the fossa too, cartilage does not
 
 
-def dress(bone: Target, centre: FloatArray, axis: FloatArray) -> Target:
-    """Make a bone look as in the patient of chapter 5: wet, cartilage on the wall of the socket, fat and a clot in its
-    fossa, and two retractors beside it.
+def decorate(bone: Target, centre: FloatArray, axis: FloatArray) -> Target:
+    """Decorate a bone as in the patient of the dissertation (chapter 5).
+
+    It becomes wet, with cartilage on the wall of the socket, fat and a clot in its fossa, and two retractors beside it.
 
     Parameters
     ----------
@@ -44,8 +45,8 @@ def dress(bone: Target, centre: FloatArray, axis: FloatArray) -> Target:
     return wet
 
 
-def clutter(bone: Target, centre: FloatArray, share: float, rng: np.random.Generator) -> Target:
-    """Put clumps of soft tissue, torn strands and blood on the wall of the socket (the noise of section 4.3).
+def add_tissue(bone: Target, centre: FloatArray, share: float, rng: np.random.Generator) -> Target:
+    """Put clumps of soft tissue, torn strands and blood on the wall of the socket (dissertation, section 4.3).
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ FALL_PER_RISE_SIGMA = 0.697  # the current falls faster than it rises: 2.39 ns o
 RISE_PER_SIGMA = 1.687
 HALF_WIDTH_PER_SIGMA = math.sqrt(2 * math.log(2))
 
-SURE_DEVIATIONS = 6.0  # this far from the threshold, either all shots miss it or none
+CERTAIN_DEVIATIONS = 6.0  # this far from the threshold, either all shots miss it or none
 OPERATING_V, OPERATING_DEGC, OPERATING_HZ = 290.0, 23.0, 80e3
 
 
@@ -75,12 +75,12 @@ class LaserPulse(NamedTuple):
 class Transmitter:
     """Avalanche pulser and single heterostructure diode LD60 (dissertation, sections 2.3 and 2.6.1).
 
-    A capacitor charged to the supply voltage is discharged through the diode. Carriers gather until the diode lases. If
-    they come slowly, the normal mode lases early and clamps the inversion near threshold. If they come fast, they
-    lower the refractive index so much that the normal mode loses its waveguide; then the inversion goes on growing, to
-    ``r`` times threshold, and ends in one spike as in a Q-switched laser. More voltage injects faster; a warmer
-    diode begins to lase later, and so gathers more, but is less efficient. Below the threshold of the spike a
-    shot misfires: the normal mode alone, weak and long.
+    A capacitor charged to the supply voltage is discharged through the diode. Carriers accumulate until the diode
+    lases. If they are injected slowly, the normal mode lases early and clamps the inversion near threshold. If they
+    are injected fast, they lower the refractive index so much that the normal mode loses its waveguide; then the
+    inversion keeps growing to ``r`` times threshold and ends in one spike, as in a Q-switched laser. More voltage
+    injects faster; a warmer diode begins to lase later and so accumulates more, but is less efficient. Below the
+    threshold of the spike a shot misfires: the normal mode alone, weak and long.
     """
 
     def __init__(self, settings: SimulationSettings) -> None:
@@ -119,7 +119,7 @@ class Transmitter:
         return CurrentPulse(peak_a, fwhm_ns, rise_ns, delay_ns)
 
     def _pulse(self, drive_v: float, block_degc: float, prf_hz: float = OPERATING_HZ) -> LaserPulse:
-        """Get the pulse that a trigger gives.
+        """Get the pulse that follows a trigger.
 
         Parameters
         ----------
@@ -142,9 +142,9 @@ class Transmitter:
         delay_ps += self._s.delay_ps_per_k * warmer_k + 1e3 * (current.delay_ns - self._lag_ns)
         missing = self._volts_to_a(self._s.misfire_v) / current.peak_a - 1.0
         deviations = missing / max(self._s.current_noise, 1e-6)
-        if deviations > SURE_DEVIATIONS:
+        if deviations > CERTAIN_DEVIATIONS:
             return self.misfire(drive_v, delay_ps)
-        misfires = 0.0 if deviations < -SURE_DEVIATIONS else 0.5 * math.erfc(-deviations / math.sqrt(2))
+        misfires = 0.0 if deviations < -CERTAIN_DEVIATIONS else 0.5 * math.erfc(-deviations / math.sqrt(2))
         return LaserPulse(peak_w, fwhm_ps, delay_ps, gain * self._s.current_noise, misfires)
 
     def misfire(self, drive_v: float, delay_ps: float) -> LaserPulse:

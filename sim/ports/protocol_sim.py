@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from serial.serialutil import PortNotOpenError, SerialBase, SerialException
 
 from picoradar.sim.ports.wire import SerialWire, wire_at
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
 
 
 class Serial(SerialBase):
@@ -50,13 +55,14 @@ class Serial(SerialBase):
             raise SerialException("device reports readiness to read but returned no data (device disconnected?)")
         return data
 
-    def write(self, data: bytes) -> int:  # type: ignore[override]
+    def write(self, data: ReadableBuffer, /) -> int:
         """Send bytes to the device."""
         wire = self._opened()
         if not wire.plugged:
             raise SerialException(5, "write failed: [Errno 5] Input/output error")
-        wire.write(bytes(data))
-        return len(data)
+        sent = bytes(data)
+        wire.write(sent)
+        return len(sent)
 
     @property
     def in_waiting(self) -> int:
@@ -67,21 +73,21 @@ class Serial(SerialBase):
         return wire.waiting
 
     def reset_input_buffer(self) -> None:
-        """Throw away what has been received and not read."""
+        """Discard what has been received and not read."""
         self._opened().discard()
 
     def reset_output_buffer(self) -> None:
-        """Nothing waits on our side: bytes are on the line at once."""
+        """Do nothing: bytes are on the line at once."""
 
     def flush(self) -> None:
-        """Nothing waits on our side: bytes are on the line at once."""
+        """Do nothing: bytes are on the line at once."""
 
     def _opened(self) -> SerialWire:
         if self._wire is None:
             raise PortNotOpenError
         return self._wire
 
-    def _reconfigure_port(self, force_update: bool = False) -> None:
+    def _reconfigure_port(self, *, force_update: bool = False) -> None:
         """Settings are read when they matter; a timeout needs no reconfiguration."""
 
     def _update_break_state(self) -> None:

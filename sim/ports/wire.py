@@ -19,13 +19,13 @@ WHOLE = 1 << 20  # bytes, more than any answer has
 class SerialFirmware(Protocol):
     """A device behind a serial line.
 
-    The firmware is handed whole chunks in any cut of the stream, answers by calling the ``send`` function that it
-    was connected to, and sets its own timers on the clock.
+    The firmware receives the stream in chunks of any size, answers through the ``send`` function that it was
+    connected to, and sets its own timers on the clock.
     """
 
     @property
     def baud(self) -> int:
-        """Get the baud rate that it speaks at now."""
+        """Get its present baud rate."""
 
     def connect(self, send: Callable[[bytes, float], None]) -> None:
         """Take the function to answer with: ``send(data, delay_s)`` puts bytes on the line after a delay."""
@@ -47,7 +47,7 @@ class SerialWire:
     Attributes
     ----------
     piece_bytes : int
-        How many bytes reach the host at a time; an answer that is not longer comes whole, with its last byte.
+        Number of bytes that reach the host at a time; a shorter answer arrives as a whole, with its last byte.
     """
 
     def __init__(self, firmware: SerialFirmware, clock: VirtualClock) -> None:
@@ -62,13 +62,13 @@ class SerialWire:
         firmware.connect(self._send)
 
     def write(self, data: bytes) -> None:
-        """Take bytes from the host; the device has them when the last one has crossed the line."""
+        """Take bytes from the host; the device gets them when the last one has crossed the line."""
         arrival = max(self.clock.now(), self._host_line_free) + 10 * len(data) / self.firmware.baud
         self._host_line_free = arrival
         self.clock.call_at(arrival, partial(self._deliver, data))
 
     def read(self, size: int, timeout_s: float | None) -> bytes:
-        """Give the host up to ``size`` bytes; waits for them until ``timeout_s`` (None: for ever)."""
+        """Give the host up to ``size`` bytes; waits for them up to ``timeout_s`` (None: without limit)."""
         limit_s = float("inf") if timeout_s is None else timeout_s
         self.clock.wait(lambda: len(self._to_host) >= size or not self.plugged, limit_s)
         got = bytes(self._to_host[:size])
@@ -81,7 +81,7 @@ class SerialWire:
         return len(self._to_host)
 
     def discard(self) -> None:
-        """Throw away what the host has received and not read."""
+        """Discard what the host has received and not read."""
         self._to_host.clear()
 
     def _deliver(self, data: bytes) -> None:
@@ -123,5 +123,5 @@ def wire_at(url: str) -> SerialWire | None:
 
 
 def new_bench_name() -> str:
-    """Make a name that no other bench of this process has."""
+    """Make a name that is unique in this process."""
     return f"bench{next(_numbers)}"

@@ -1,6 +1,6 @@
-"""A recorded transcript as devices: what the host sent is expected byte for byte, what came back is sent again.
+"""Devices that replay a transcript: they expect what the host sent, byte for byte, and send what came back.
 
-With it a bug report becomes a test: the same driver calls meet the same bytes at the same device times.
+This turns a bug report into a test: the same driver calls meet the same bytes at the same device times.
 """
 
 from picoradar.sim.replay.bench import ReplayedBench

@@ -1,4 +1,4 @@
-"""One link of a transcript: its events in their order, and how far a host has come in them."""
+"""One link of a transcript: its events in order, and the host's progress through them."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from picoradar.drivers.links import Event
 
 
 class ReplayMismatch(Exception):
-    """The host did something else than in the transcript."""
+    """The host did something that is not in the transcript."""
 
 
 class Script:
-    """The events of one link in their order, and how far the host has come.
+    """The events of one link in order, and the host's progress through them.
 
     Parameters
     ----------
@@ -52,14 +52,14 @@ class Script:
         """Get the next event, which has to be of this kind."""
         event = self.next(what)
         if event is None:
-            due = "nothing more" if self.finished else _told(self._events[self._done])
+            due = "nothing more" if self.finished else _described(self._events[self._done])
             raise ReplayMismatch(f"{self._link}, event {self._done + 1}: the transcript has {due}, the host did {came}")
         return event
 
     def refuse(self, came: str) -> ReplayMismatch:
         """Make the error of an event whose content differs."""
-        told = _told(self._events[self._done])
-        return ReplayMismatch(f"{self._link}, event {self._done + 1}: the transcript has {told}, the host did {came}")
+        due = _described(self._events[self._done])
+        return ReplayMismatch(f"{self._link}, event {self._done + 1}: the transcript has {due}, the host did {came}")
 
     def pass_on(self) -> None:
         """Go on to the next event."""
@@ -67,6 +67,6 @@ class Script:
         self._done += 1
 
 
-def _told(event: Event) -> str:
+def _described(event: Event) -> str:
     where = f" on endpoint {event.more['endpoint']:#04x}" if "endpoint" in event.more else ""
     return f"{event.what} {event.data!r}{where} at {event.time_s:g} s"

@@ -54,7 +54,7 @@ class SerialReplay:
             self._answer(len(due))
 
     def _answer(self, sent: int) -> None:
-        """Send what came before the host's next bytes, as long after the last ones as it did then."""
+        """Send what came before the host's next bytes, with the delay that it had in the transcript."""
         began_s, bytes_moved = self._script.last_s, sent
         while (event := self._script.next("read")) is not None:
             bytes_moved += len(event.data)

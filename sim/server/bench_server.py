@@ -6,14 +6,21 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self, TypedDict
 
 from picoradar.sim.bench import SimulatedBench
 from picoradar.sim.server.event_loop import EventLoop
-from picoradar.sim.server.served_port import ServedPort
+from picoradar.sim.server.served_port import PortAddresses, ServedPort
 from picoradar.sim.server.usb_server import UsbServer
 
 USB_BACKEND = "picoradar.sim.usb.forward:backend"
+
+
+class Addresses(TypedDict):
+    """Where hosts find the devices: serial ones by name; for USB the backend's name and its argument."""
+
+    serial: dict[str, PortAddresses]
+    usb: dict[str, str]
 
 
 class BenchServer:
@@ -24,11 +31,11 @@ class BenchServer:
     bench : SimulatedBench
         What to serve; its clock belongs to the server from now on.
     folder : Path
-        Where the ptys get their names.
+        Folder in which the ptys get their names.
     speed : float
-        Seconds of the bench per second of the wall.
+        Seconds of the bench per second of wall time.
     ptys : bool
-        Whether to make ptys; where they do not exist the TCP ports serve alone.
+        Whether to make ptys; Windows has none, only the TCP ports.
 
     Attributes
     ----------
@@ -45,7 +52,7 @@ class BenchServer:
         }
         self._usb = UsbServer(bench.usb_backend, self.loop)
 
-    def addresses(self) -> dict[str, Any]:
+    def addresses(self) -> Addresses:
         """Get where hosts find the devices: ``serial`` by name, and ``usb`` (``backend`` and ``address``)."""
         return {
             "serial": {name: port.addresses for name, port in self.ports.items()},
@@ -53,7 +60,7 @@ class BenchServer:
         }
 
     def serve(self, until: Callable[[], bool]) -> None:
-        """Serve until ``until()`` holds; it is asked ten times a second or more often."""
+        """Serve until ``until()`` holds; it is called at least ten times a second."""
         while not until():
             self.loop.turn()
 

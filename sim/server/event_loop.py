@@ -1,9 +1,8 @@
-"""One thread that looks at sockets and ptys, and moves the bench's clock at a chosen pace.
+"""One thread that serves sockets and ptys, and moves the bench's clock at a chosen pace.
 
-The clock stays a `VirtualClock`: device time is exact, and waits for the wall instead of jumping. A transfer over the
-simulated USB moves it ahead by the time that it takes; the loop then lets the wall catch up. When the
-computer was slow the clock does not jump after the wall but goes on from where it was: the devices never find a host
-late because their own simulation has taken time.
+The clock stays a `VirtualClock`: device time is exact, and waits for wall time instead of jumping. A transfer over the
+simulated USB moves it ahead by its duration; the loop then lets wall time catch up. When the computer was slow the
+clock does not jump but goes on from where it was: a host is never late because the simulation took time.
 """
 
 from __future__ import annotations
@@ -14,8 +13,8 @@ from typing import Protocol
 
 from picoradar.drivers.clock import ScaledClock, VirtualClock
 
-STEP_S = 0.02  # of the bench's time; a computer that is later than this is slow
-LOOK_S = 0.1  # longest wait (wall), so that a request to stop is seen
+STEP_S = 0.02  # of the bench's time; a computer that lags by more is slow
+POLL_S = 0.1  # longest wait in wall time, so that a request to stop is noticed
 
 
 class HasFileno(Protocol):
@@ -33,7 +32,7 @@ class EventLoop:
     clock : VirtualClock
         Time of the bench; nobody else may move it.
     speed : float
-        Seconds of the bench per second of the wall.
+        Seconds of the bench per second of wall time.
     """
 
     def __init__(self, clock: VirtualClock, speed: float = 1.0) -> None:
@@ -45,7 +44,7 @@ class EventLoop:
 
     @property
     def speed(self) -> float:
-        """Get the seconds of the bench per second of the wall."""
+        """Get the seconds of the bench per second of wall time."""
         return self._pace.factor
 
     def watch(self, source: HasFileno | int, ready: Callable[[], None]) -> None:
@@ -53,7 +52,7 @@ class EventLoop:
         self._selector.register(source, selectors.EVENT_READ, ready)
 
     def forget(self, source: HasFileno | int) -> None:
-        """SupplyState at ``source`` no more; call it before closing it."""
+        """Stop watching ``source``; call this before closing it."""
         self._selector.unregister(source)
 
     def every_turn(self, pump: Callable[[], None]) -> None:
@@ -61,7 +60,7 @@ class EventLoop:
         self._pumps.append(pump)
 
     def turn(self) -> None:
-        """Wait until bytes come or a timer is due (`LOOK_S` at the most), and do what there is to do."""
+        """Wait until bytes come or a timer is due (`POLL_S` at the most), and run what is due."""
         self._forgive_lag(STEP_S)
         idle_s = self._idle_s()
         came = self._selector.select(idle_s)
@@ -73,23 +72,23 @@ class EventLoop:
             pump()
 
     def catch_up(self) -> None:
-        """Let the wall catch up with the clock, which a USB transfer has moved ahead by the time that it takes."""
+        """Let wall time catch up with the clock, which a USB transfer has moved ahead by its duration."""
         self._pace.sleep(self.clock.now() - self._due_s())
 
     def close(self) -> None:
-        """SupplyState at nothing any more."""
+        """Stop watching all sources."""
         self._selector.close()
 
     def _due_s(self) -> float:
-        """Get the moment of the bench that the wall has reached."""
+        """Get the time of the bench that corresponds to wall time."""
         return self._pace.now() + self._ahead_s
 
     def _idle_s(self) -> float:
-        """Get how long (wall) nothing will be due."""
+        """Get for how long, in wall time, nothing is due."""
         due = self.clock.next_due()
-        idle_s = LOOK_S if due is None else (due - self._due_s()) / self.speed
-        return min(max(0.0, idle_s), LOOK_S)
+        idle_s = POLL_S if due is None else (due - self._due_s()) / self.speed
+        return min(max(0.0, idle_s), POLL_S)
 
     def _forgive_lag(self, allowed_s: float) -> None:
-        """Take back what the wall is ahead of the clock by more than the loop has meant to wait."""
+        """Drop the part of the lag of the clock behind wall time that exceeds the intended wait."""
         self._ahead_s -= max(0.0, self._due_s() - self.clock.now() - allowed_s)

@@ -1,7 +1,7 @@
-"""A pseudo-terminal as the plug of a simulated serial device (POSIX only).
+"""A pseudo-terminal as the connector of a simulated serial device (POSIX only).
 
-The host opens a name that stays the same over a cable pull, as udev's by-id names do. Raw mode is set at once: before
-it, what the device sends would be echoed back to the device (findings on simulating at the wire, 4.1).
+The host opens a name that survives unplugging, as udev's by-id names do. Raw mode is set at once: until then the
+terminal would echo what the device sends back to it.
 """
 
 from __future__ import annotations

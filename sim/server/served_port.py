@@ -1,13 +1,13 @@
-"""One simulated serial device for other programs: a pty and a TCP port that lead to the same plug.
+"""One simulated serial device for other programs: a pty and a TCP port that lead to the same connector.
 
 The device has one line, so one host can use it at a time. A host on the TCP port has the line until it closes its
-connection; what is written to the pty meanwhile is not heard.
+connection; what is written to the pty meanwhile is lost.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 from picoradar.sim.ports import SerialWire
 from picoradar.sim.server.event_loop import EventLoop
@@ -18,6 +18,13 @@ if TYPE_CHECKING:
     from picoradar.sim.server.pty_end import PtyEnd
 
 PIECE_S = 1e-3  # an answer reaches the host in pieces of this length (wall)
+
+
+class PortAddresses(TypedDict):
+    """Where a host finds one device: ``pty`` (None where there are no ptys) and ``socket``, a URL."""
+
+    pty: str | None
+    socket: str
 
 
 class ServedPort:
@@ -44,7 +51,7 @@ class ServedPort:
         loop.every_turn(self._turn)
 
     @property
-    def addresses(self) -> dict[str, str | None]:
+    def addresses(self) -> PortAddresses:
         """Get where a host finds the device: ``pty`` (None on Windows) and ``socket``."""
         return {"pty": str(self._pty.name) if self._pty is not None else None, "socket": self._socket.url}
 

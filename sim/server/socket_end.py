@@ -1,4 +1,4 @@
-"""A TCP port on this computer as the plug of a simulated serial device, for ``socket://`` and for Windows."""
+"""A TCP port on this computer as the connector of a simulated serial device, for ``socket://`` and for Windows."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class SocketEnd:
     Parameters
     ----------
     loop : EventLoop
-        Tells when a host comes and when it writes.
+        Reports when a host connects and when it writes.
     received : callable
         Called with the bytes that the host has written.
     """
@@ -98,7 +98,7 @@ class SocketEnd:
 
 
 def _acknowledge_at_once(host: socket.socket) -> None:
-    """Acknowledge what has come now; a host with Nagle's algorithm (pyserial) holds its next bytes back until then.
+    """Acknowledge what has come now; a host with Nagle's algorithm (pyserial) holds back its next bytes until then.
 
     The wait, 40 ms and more, would look like a slow device. Linux forgets the option, so it is set again for each read.
     """

@@ -1,4 +1,4 @@
-"""What a serial receiver makes of bytes that were sent at another baud rate."""
+"""What a serial receiver gets of bytes that were sent at another baud rate."""
 
 from __future__ import annotations
 

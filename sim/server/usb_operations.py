@@ -1,14 +1,14 @@
-"""What a host may ask of an opened USB device, carried out once and without waiting."""
+"""The operations on an opened USB device, each carried out once and without waiting."""
 
 from __future__ import annotations
 
 from array import array
 from collections.abc import Callable
-from typing import Any
+from typing import TypeGuard
 
-from picoradar.sim.usb import LONGEST_DATA, SimUsbBackend, errors
+from picoradar.sim.usb import LONGEST_DATA, Header, SimUsbBackend, UsbHandle, errors
 
-NO_WAITING_MS = -1  # a time limit that has passed already: what is there now, or a timeout
+NO_WAITING_MS = -1  # a time limit that has already passed: return what is there now, or time out
 ARGUMENTS = {  # of each operation on a handle
     "set_configuration": 1,
     "get_configuration": 0,
@@ -21,11 +21,11 @@ ARGUMENTS = {  # of each operation on a handle
     "bulk_write": 3,
     "ctrl_transfer": 6,
 }
-Answer = tuple[Any, bytes]
+Answer = tuple[object, bytes]
 
 
-def are_arguments(op: str, args: Any) -> bool:
-    """Tell whether ``args`` are those of an operation: so many whole numbers that a USB field could hold."""
+def are_arguments(args: object, op: str) -> TypeGuard[list[int]]:
+    """Get whether ``args`` are valid arguments of an operation: the right count of whole numbers of 32 bits."""
     return (
         isinstance(args, list)
         and len(args) == ARGUMENTS.get(op, -1)
@@ -33,14 +33,16 @@ def are_arguments(op: str, args: Any) -> bool:
     )
 
 
-def read(backend: SimUsbBackend, handle: Any, endpoint: int, interface: int, length: int) -> Answer:
+def read(backend: SimUsbBackend, handle: UsbHandle, endpoint: int, interface: int, length: int) -> Answer:
     """Take what has come in on an endpoint."""
     block = array("B", bytes(min(length, LONGEST_DATA)))
     got = backend.bulk_read(handle, endpoint, interface, block, NO_WAITING_MS)
     return None, block[:got].tobytes()
 
 
-def writer(backend: SimUsbBackend, handle: Any, endpoint: int, interface: int, data: bytes) -> Callable[[], Answer]:
+def writer(
+    backend: SimUsbBackend, handle: UsbHandle, endpoint: int, interface: int, data: bytes
+) -> Callable[[], Answer]:
     """Make the attempts of one OUT transfer: the first moves the data over the bus, the others offer them again."""
     moved = False
 
@@ -56,7 +58,7 @@ def writer(backend: SimUsbBackend, handle: Any, endpoint: int, interface: int, d
     return attempt
 
 
-def control(backend: SimUsbBackend, handle: Any, args: list[int], data: bytes) -> Answer:
+def control(backend: SimUsbBackend, handle: UsbHandle, args: list[int], data: bytes) -> Answer:
     """Carry out a control transfer."""
     kind, request, value, index, length, timeout_ms = args
     to_host = bool(kind & 0x80)
@@ -65,6 +67,6 @@ def control(backend: SimUsbBackend, handle: Any, args: list[int], data: bytes) -
     return done, block[:done].tobytes() if to_host else b""
 
 
-def refused(question: dict[str, Any]) -> Answer:
-    """Refuse a question that makes no sense."""
+def refused(question: Header) -> Answer:
+    """Refuse an invalid question."""
     raise errors.not_supported(f"the question {question}")

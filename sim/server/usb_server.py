@@ -6,16 +6,24 @@ import itertools
 import socket
 from collections.abc import Callable
 from dataclasses import asdict
-from typing import Any
 
 import usb.core
 
 from picoradar.sim.server.event_loop import EventLoop
 from picoradar.sim.server.usb_operations import Answer, are_arguments, control, read, refused, writer
-from picoradar.sim.usb import BadFrame, SimUsbBackend, SimUsbDevice, errors, send_frame, take_frame
+from picoradar.sim.usb import (
+    BadFrame,
+    Header,
+    SimUsbBackend,
+    SimUsbDevice,
+    UsbHandle,
+    errors,
+    send_frame,
+    take_frame,
+)
 
 LOOPBACK = "127.0.0.1"
-SEND_LIMIT_S = 1.0  # a host that does not take its answer within this time is given up
+SEND_LIMIT_S = 1.0  # a host that does not accept its answer within this time is dropped
 
 
 class UsbServer:
@@ -32,7 +40,7 @@ class UsbServer:
     def __init__(self, backend: SimUsbBackend, loop: EventLoop) -> None:
         self.backend = backend
         self.loop = loop
-        self.handles: dict[int, Any] = {}
+        self.handles: dict[int, UsbHandle] = {}
         self.numbers = itertools.count(1)
         self._hosts: list[_Host] = []
         self._listener = socket.create_server((LOOPBACK, 0))
@@ -56,18 +64,18 @@ class UsbServer:
         self._hosts.remove(host)
         host.close()
 
-    def enumerate(self) -> list[dict[str, Any]]:
+    def enumerate(self) -> list[Header]:
         """Describe what is plugged in."""
         plugged = self.backend.enumerate_devices()
         return [{"address": d.address, "descriptors": asdict(d.descriptors)} for d in plugged]
 
-    def device(self, address: int) -> SimUsbDevice:
-        """Get a device by its address, which no two devices ever share.
+    def device(self, address: object) -> SimUsbDevice:
+        """Get a device by its address; addresses are never used twice.
 
         Raises
         ------
         usb.core.USBError
-            ENODEV when it is not plugged in (any more).
+            ENODEV when it is not plugged in, or no longer.
         """
         for device in self.backend.enumerate_devices():
             if device.address == address:
@@ -104,7 +112,7 @@ class _Host:
         self._pending = None
 
     def go_on(self) -> None:
-        """Try again what could not be answered yet."""
+        """Repeat an attempt that had no answer yet."""
         if self._pending is None:
             return
         try:
@@ -130,15 +138,15 @@ class _Host:
             self._pending = self._asked(*question)
             self.go_on()
 
-    def _send(self, header: dict[str, Any], data: bytes = b"") -> None:
+    def _send(self, header: Header, data: bytes = b"") -> None:
         self._server.loop.catch_up()  # the transfer has taken its time
         try:
             send_frame(self._connection, header, data)
         except OSError:
             self._server.drop(self)
 
-    def _asked(self, question: dict[str, Any], data: bytes) -> Callable[[], Answer | None]:
-        """Turn a question into what is to be done: once, or again and again until it gives an answer."""
+    def _asked(self, question: Header, data: bytes) -> Callable[[], Answer | None]:
+        """Make the function that answers a question; it is called again until it returns an answer."""
         op, args = question.get("op"), question.get("args", [])
         server, backend = self._server, self._server.backend
         match op:
@@ -150,7 +158,7 @@ class _Host:
                 return lambda: (self._open(question.get("device")), b"")
         number = question.get("handle")
         handle = server.handles.get(number) if isinstance(number, int) else None
-        if handle is None or not isinstance(op, str) or not are_arguments(op, args):
+        if handle is None or not isinstance(op, str) or not are_arguments(args, op):
             return lambda: refused(question)
         match op:
             case "bulk_read":
@@ -163,14 +171,14 @@ class _Host:
                 return lambda: control(backend, handle, args, data)
         return lambda: (getattr(backend, op)(handle, *args), b"")
 
-    def _open(self, device: Any) -> int:
+    def _open(self, device: object) -> int:
         number = next(self._server.numbers)
         self._server.handles[number] = self._server.backend.open_device(self._server.device(device))
         self._opened.append(number)
         return number
 
     def _patiently(self, attempt: Callable[[], Answer], timeout_ms: int) -> Callable[[], Answer | None]:
-        """Make what is tried again in every turn until its time limit (0: for ever)."""
+        """Make an attempt that is repeated in every turn until its time limit (0: without end)."""
         clock = self._server.loop.clock
         limit = clock.now() + timeout_ms / 1000 if timeout_ms else float("inf")
         if timeout_ms:

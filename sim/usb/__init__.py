@@ -1,6 +1,6 @@
-"""USB devices of the simulated bench: descriptors, a bus that keeps honest time, and a pyusb backend."""
+"""USB devices of the simulated bench: descriptors, a bus with realistic timing, and a pyusb backend."""
 
-from picoradar.sim.usb.backend import SimUsbBackend
+from picoradar.sim.usb.backend import SimUsbBackend, UsbHandle
 from picoradar.sim.usb.bus import InTransfer, SimUsbDevice
 from picoradar.sim.usb.descriptors import (
     BULK,
@@ -14,7 +14,7 @@ from picoradar.sim.usb.descriptors import (
     Interface,
 )
 from picoradar.sim.usb.firmware import Setup, UsbFirmware, UsbStall
-from picoradar.sim.usb.frames import LONGEST_DATA, BadFrame, send_frame, take_frame
+from picoradar.sim.usb.frames import LONGEST_DATA, BadFrame, Header, send_frame, take_frame
 
 __all__ = [
     "BULK",
@@ -27,12 +27,14 @@ __all__ = [
     "Configuration",
     "Device",
     "Endpoint",
+    "Header",
     "InTransfer",
     "Interface",
     "Setup",
     "SimUsbBackend",
     "SimUsbDevice",
     "UsbFirmware",
+    "UsbHandle",
     "UsbStall",
     "send_frame",
     "take_frame",

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterable
-from typing import Any
+from typing import SupportsInt
 
 from picoradar.drivers.clock import Clock
 from picoradar.sim.usb import errors
@@ -14,7 +14,7 @@ from picoradar.sim.usb.described import DescribedBackend
 from picoradar.sim.usb.firmware import Setup, UsbFirmware
 
 
-class _Handle:
+class UsbHandle:
     """One opening of a device."""
 
     def __init__(self, device: SimUsbDevice) -> None:
@@ -74,39 +74,39 @@ class SimUsbBackend(DescribedBackend):
 
     # Handles, configuration and claims
 
-    def open_device(self, dev: SimUsbDevice) -> _Handle:
+    def open_device(self, dev: SimUsbDevice) -> UsbHandle:
         """Open a device."""
         dev.check_plugged()
-        return _Handle(dev)
+        return UsbHandle(dev)
 
-    def close_device(self, dev_handle: _Handle) -> None:
+    def close_device(self, dev_handle: UsbHandle) -> None:
         """Close a handle; its claims end. Harmless when called late."""
         claims = dev_handle.device.claims
         for interface in [i for i, owner in claims.items() if owner is dev_handle]:
             del claims[interface]
 
-    def set_configuration(self, dev_handle: _Handle, config_value: int) -> None:
+    def set_configuration(self, dev_handle: UsbHandle, config_value: int) -> None:
         """Select a configuration."""
         dev_handle.device.check_plugged()
         dev_handle.device.configure(config_value)
 
-    def get_configuration(self, dev_handle: _Handle) -> int:
+    def get_configuration(self, dev_handle: UsbHandle) -> int:
         """Get the value of the present configuration; 0 means none."""
         dev_handle.device.check_plugged()
         return dev_handle.device.configuration
 
-    def set_interface_altsetting(self, dev_handle: _Handle, intf: int, altsetting: int) -> None:
+    def set_interface_altsetting(self, dev_handle: UsbHandle, intf: int, altsetting: int) -> None:
         """Select an alternate setting."""
         self._claimed(dev_handle, intf).select_alternate(intf, altsetting)
 
-    def claim_interface(self, dev_handle: _Handle, intf: int) -> None:
+    def claim_interface(self, dev_handle: UsbHandle, intf: int) -> None:
         """Take an interface for this handle alone."""
         device = dev_handle.device
         device.check_plugged()
         if device.claims.setdefault(intf, dev_handle) is not dev_handle:
             raise errors.busy()
 
-    def release_interface(self, dev_handle: _Handle, intf: int) -> None:
+    def release_interface(self, dev_handle: UsbHandle, intf: int) -> None:
         """Give an interface back; the device returns to alternate setting 0."""
         device = dev_handle.device
         if device.claims.get(intf) is not dev_handle:
@@ -117,11 +117,11 @@ class SimUsbBackend(DescribedBackend):
 
     # Transfers
 
-    def bulk_write(self, dev_handle: _Handle, ep: int, intf: int, data: array[int], timeout: int) -> int:
+    def bulk_write(self, dev_handle: UsbHandle, ep: int, intf: int, data: array[int], timeout: int) -> int:
         """Write one transfer; returns the bytes taken."""
         return self._claimed(dev_handle, intf).write(ep, data.tobytes(), _seconds(timeout))
 
-    def bulk_read(self, dev_handle: _Handle, ep: int, intf: int, buff: array[int], timeout: int) -> int:
+    def bulk_read(self, dev_handle: UsbHandle, ep: int, intf: int, buff: array[int], timeout: int) -> int:
         """Read one transfer into ``buff``; returns its length."""
         return self._claimed(dev_handle, intf).read_into(ep, buff, _seconds(timeout))
 
@@ -130,7 +130,7 @@ class SimUsbBackend(DescribedBackend):
 
     def ctrl_transfer(
         self,
-        dev_handle: _Handle,
+        dev_handle: UsbHandle,
         bmRequestType: int,
         bRequest: int,
         wValue: int,
@@ -147,17 +147,17 @@ class SimUsbBackend(DescribedBackend):
         memoryview(data)[: len(answer)] = memoryview(answer)
         return len(answer)
 
-    def clear_halt(self, dev_handle: _Handle, ep: int) -> None:
+    def clear_halt(self, dev_handle: UsbHandle, ep: int) -> None:
         """Take an endpoint out of its halt."""
         dev_handle.device.clear_halt(ep)
 
-    def reset_device(self, dev_handle: _Handle) -> None:
+    def reset_device(self, dev_handle: UsbHandle) -> None:
         """Reset the port."""
         dev_handle.device.check_plugged()
         dev_handle.device.reset()
 
     @staticmethod
-    def _claimed(handle: _Handle, interface: Any) -> SimUsbDevice:
+    def _claimed(handle: UsbHandle, interface: SupportsInt) -> SimUsbDevice:
         handle.device.check_plugged()
         if handle.device.claims.get(int(interface)) is not handle:
             raise errors.not_found(f"claim on interface {interface}")
@@ -165,5 +165,5 @@ class SimUsbBackend(DescribedBackend):
 
 
 def _seconds(timeout_ms: int) -> float:
-    """Turn pyusb's time limit into seconds; 0 means for ever."""
+    """Convert pyusb's time limit to seconds; 0 means no limit."""
     return timeout_ms / 1000 if timeout_ms else float("inf")

@@ -1,14 +1,8 @@
-"""One plugged-in device on the simulated bus: transfers, halts, claims, and the time that they take.
-
-Full speed has frames of 1 ms and moves at most 19 packets of 64 bytes in each; high speed has microframes of
-125 us and moves about 40 MB/s. A transfer ends with the frame in which its last packet moved; an
-interrupt endpoint is polled at its interval.
-"""
+"""One plugged-in device on the simulated bus: transfers, halts and claims."""
 
 from __future__ import annotations
 
 import itertools
-import math
 from array import array
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
@@ -17,9 +11,8 @@ from picoradar.drivers.clock import Clock
 from picoradar.sim.usb import descriptors as d
 from picoradar.sim.usb import errors
 from picoradar.sim.usb.firmware import Setup, UsbFirmware, UsbStall
+from picoradar.sim.usb.timing import BusTiming, transfer_type
 
-_FRAME_S = {d.FULL_SPEED: 1e-3, d.HIGH_SPEED: 125e-6}
-_BYTES_PER_S = {d.FULL_SPEED: 19 * 64 / 1e-3, d.HIGH_SPEED: 40e6}
 NAK_RETRY_S = 125e-6
 
 
@@ -31,7 +24,7 @@ class InTransfer(NamedTuple):
 
 
 class SimUsbDevice:
-    """A device from plug to unplug; plugged in again it is another one, at a new address.
+    """A device from plugging in to unplugging; plugged in again it is a new one, at a new address.
 
     Parameters
     ----------
@@ -46,7 +39,7 @@ class SimUsbDevice:
     ----------
     tamper : callable, optional
         ``tamper(endpoint, data)`` returns the `InTransfer` list that crosses the bus in place of one whole IN transfer:
-        the seam for faults (lost, split, joined or damaged transfers, missing zero-length packets).
+        set by injected faults (lost, split, joined or corrupted transfers, missing zero-length packets).
     """
 
     def __init__(self, firmware: UsbFirmware, clock: Clock, address: int) -> None:
@@ -55,14 +48,13 @@ class SimUsbDevice:
         self.clock = clock
         self.address = address
         self.plugged = True
-        self.configuration = self.descriptors.configurations[0].bConfigurationValue  # as an operating system leaves it
+        self.configuration = self.descriptors.configurations[0].bConfigurationValue  # as an operating system sets it
         self.alternates: dict[int, int] = {}
         self.claims: dict[int, object] = {}
         self.halted: set[int] = set()
         self.tamper: Callable[[int, bytes], Iterable[InTransfer]] | None = None
         self._moving: dict[int, list[InTransfer]] = {}
-        self._frame_s = _FRAME_S[self.descriptors.speed]
-        self._bytes_per_s = _BYTES_PER_S[self.descriptors.speed]
+        self._timing = BusTiming(clock, self.descriptors.speed)
         self._endpoints = self._active_endpoints()
 
     def unplug(self) -> None:
@@ -82,12 +74,12 @@ class SimUsbDevice:
         self.configuration = value
         self._restart()
         self.firmware.configured(value)
-        self._pass_frame()
+        self._timing.pass_frame()
 
     def select_alternate(self, interface: int, alternate: int) -> None:
         """Select an alternate setting of an interface.
 
-        Takes no time: a forgotten handle comes here from garbage collection, which must not move the clock.
+        Takes no time: garbage collection of a handle may come here, and must not move the clock.
         """
         settings = {(i.bInterfaceNumber, i.bAlternateSetting) for i in self._active_interfaces()}
         if (interface, alternate) not in settings:
@@ -100,7 +92,7 @@ class SimUsbDevice:
         """Reset the port; the device keeps its address and loses all settings."""
         self._restart()
         self.firmware.bus_reset()
-        self._pass_frame()
+        self._timing.pass_frame()
 
     def clear_halt(self, endpoint: int) -> None:
         """Take an endpoint out of its halt."""
@@ -108,12 +100,12 @@ class SimUsbDevice:
         self.halted.discard(endpoint)
         self._moving.pop(endpoint, None)
         self.firmware.halt_cleared(endpoint)
-        self._pass_frame()
+        self._timing.pass_frame()
 
     def control(self, setup: Setup, data: bytes) -> bytes:
-        """Carry out a control transfer; it takes the frames that its stages need."""
+        """Carry out a control transfer; its stages take their frames."""
         self.check_plugged()
-        self._pass_frame(setup.length)
+        self._timing.pass_frame(setup.length)
         self.check_plugged()
         try:
             if setup.request_type & 0x60 == 0:
@@ -134,8 +126,8 @@ class SimUsbDevice:
         return len(data)
 
     def send(self, endpoint: int, data: bytes) -> None:
-        """Let the time pass that ``data`` need on the bus."""
-        self._pass_frame(len(data), self._endpoint(endpoint))
+        """Let the time pass that ``data`` take on the bus."""
+        self._timing.pass_frame(len(data), self._endpoint(endpoint))
 
     def offer(self, endpoint: int, data: bytes) -> bool:
         """Offer an OUT transfer once; False when the device is busy (NAK)."""
@@ -150,7 +142,7 @@ class SimUsbDevice:
     def read_into(self, endpoint: int, buffer: array[int], timeout_s: float) -> int:
         """Move one IN transfer into ``buffer`` and return its length.
 
-        It ends with a short packet, with the buffer full, or with the time limit; what came before the limit counts.
+        It ends with a short packet, a full buffer or the time limit; data that came before the limit are returned.
         """
         found = self._endpoint(endpoint)
         view = memoryview(buffer)
@@ -165,14 +157,14 @@ class SimUsbDevice:
                     raise errors.timed_out()
             moved, ended = self._move(found, view[got:])
             got += moved
-            self._pass_frame(moved, found)
+            self._timing.pass_frame(moved, found)
             self.check_plugged()
             if ended:
                 break
         return got
 
     def ready(self, endpoint: int) -> bool:
-        """Tell whether data are on their way on ``endpoint``; fetches them from the firmware."""
+        """Get whether data are on their way on ``endpoint``; fetches them from the firmware."""
         self.check_plugged()
         self._check_halt(endpoint)
         if self._moving.get(endpoint):
@@ -198,7 +190,7 @@ class SimUsbDevice:
         data, closed = transfers.pop(0)
         if len(data) <= len(room):
             room[: len(data)] = data
-            needs_empty = closed and data and len(data) % packet_size == 0 and _kind(endpoint) == d.BULK
+            needs_empty = closed and data and len(data) % packet_size == 0 and transfer_type(endpoint) == d.BULK
             if needs_empty and len(data) == len(room):
                 transfers.insert(0, InTransfer(b""))  # its zero-length packet is left for the next read
             return len(data), closed
@@ -254,18 +246,3 @@ class SimUsbDevice:
         self.halted.clear()
         self._moving.clear()
         self._endpoints = self._active_endpoints()
-
-    def _pass_frame(self, length: int = 0, endpoint: d.Endpoint | None = None) -> None:
-        """Let the time of a transfer pass: its bytes, up to the end of a frame or polling interval."""
-        period_s = self._frame_s
-        if endpoint is not None and _kind(endpoint) == d.INTERRUPT:
-            high = self.descriptors.speed == d.HIGH_SPEED
-            period_s *= 2 ** (endpoint.bInterval - 1) if high else endpoint.bInterval
-        now = self.clock.now()
-        # The small part forgives the rounding of a clock that stands exactly at the end of a frame.
-        frames = math.floor((now + length / self._bytes_per_s) / period_s + 1e-6) + 1
-        self.clock.sleep(frames * period_s - now)
-
-
-def _kind(endpoint: d.Endpoint) -> int:
-    return endpoint.bmAttributes & 3

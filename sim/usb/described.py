@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from array import array
 from types import SimpleNamespace
-from typing import Any, Protocol
+from typing import Protocol
 
 import usb.backend
 
@@ -44,11 +44,11 @@ class Described(Protocol):
         """Get its address on the bus."""
 
 
-class DescribedBackend(usb.backend.IBackend):  # type: ignore[misc]
-    """Descriptors by their logical indices (past the last one is an IndexError), and what no device here can do."""
+class DescribedBackend(usb.backend.IBackend):
+    """Descriptors by their logical indices (IndexError past the last one); refuses what no device here can do."""
 
     def get_parent(self, dev: Described) -> None:
-        """There are no hubs: every device hangs on the root."""
+        """Get None: there are no hubs, every device is connected to the root."""
 
     def get_device_descriptor(self, dev: Described) -> SimpleNamespace:
         """Get the device descriptor with the place on the bus."""
@@ -69,22 +69,22 @@ class DescribedBackend(usb.backend.IBackend):  # type: ignore[misc]
         """Get an endpoint descriptor."""
         return self.get_interface_descriptor(dev, intf, alt, config).endpoints[ep]
 
-    def iso_write(self, dev_handle: Any, ep: int, intf: int, data: array[int], timeout: int) -> int:
+    def iso_write(self, dev_handle: object, ep: int, intf: int, data: array[int], timeout: int) -> int:
         """Refuse: no device of this bench uses isochronous transfers."""
         raise errors.not_supported("isochronous transfers")
 
-    def iso_read(self, dev_handle: Any, ep: int, intf: int, buff: array[int], timeout: int) -> int:
+    def iso_read(self, dev_handle: object, ep: int, intf: int, buff: array[int], timeout: int) -> int:
         """Refuse: no device of this bench uses isochronous transfers."""
         raise errors.not_supported("isochronous transfers")
 
-    def is_kernel_driver_active(self, dev_handle: Any, intf: int) -> bool:
+    def is_kernel_driver_active(self, dev_handle: object, intf: int) -> bool:
         """Get whether a kernel driver holds the interface: never, there is no kernel under this bus."""
         return False
 
-    def detach_kernel_driver(self, dev_handle: Any, intf: int) -> None:
+    def detach_kernel_driver(self, dev_handle: object, intf: int) -> None:
         """Refuse: there is no kernel driver."""
         raise errors.not_found(f"kernel driver of interface {intf}")
 
-    def attach_kernel_driver(self, dev_handle: Any, intf: int) -> None:
+    def attach_kernel_driver(self, dev_handle: object, intf: int) -> None:
         """Refuse: there is no kernel driver."""
         raise errors.not_found(f"kernel driver of interface {intf}")

@@ -1,10 +1,13 @@
-"""USB descriptors as data, with the field names of the USB standard that pyusb asks for."""
+"""USB descriptors as data, with the field names of the USB standard, which pyusb uses."""
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar, TypeVar, cast
+
+T = TypeVar("T")
 
 BULK = 0x02
 INTERRUPT = 0x03
@@ -191,18 +194,23 @@ class Device:
         return bytes([2 + len(text), 3]) + text
 
 
-def device_from_plain(table: dict[str, Any]) -> Device:
-    """Make a device of what ``dataclasses.asdict`` has made of one (lists may stand for tuples)."""
-    configurations = (
-        Configuration(**_tuples({**c, "interfaces": tuple(_interface(i) for i in c["interfaces"])}))
-        for c in table["configurations"]
+def device_from_plain(table: Mapping[str, object]) -> Device:
+    """Make a device from the result of ``dataclasses.asdict`` (lists may stand for tuples)."""
+    configurations = tuple(
+        _made(Configuration, row, interfaces=tuple(_interface(part) for part in _rows(row, "interfaces")))
+        for row in _rows(table, "configurations")
     )
-    return Device(**_tuples({**table, "configurations": tuple(configurations)}))
+    return _made(Device, table, configurations=configurations)
 
 
-def _interface(table: dict[str, Any]) -> Interface:
-    return Interface(**_tuples({**table, "endpoints": tuple(Endpoint(**_tuples(e)) for e in table["endpoints"])}))
+def _interface(table: Mapping[str, object]) -> Interface:
+    return _made(Interface, table, endpoints=tuple(_made(Endpoint, row) for row in _rows(table, "endpoints")))
 
 
-def _tuples(table: dict[str, Any]) -> dict[str, Any]:
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in table.items()}
+def _rows(table: Mapping[str, object], name: str) -> list[Mapping[str, object]]:
+    return cast("list[Mapping[str, object]]", table[name])
+
+
+def _made(kind: Callable[..., T], table: Mapping[str, object], **parts: object) -> T:
+    fields = {**table, **parts}
+    return kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()})

@@ -1,13 +1,14 @@
-"""A pyusb backend for other processes: its bus is a simulated bench that `sim.server` serves on this computer.
+"""A pyusb backend for other processes: its bus is a simulated bench that `picoradar.sim.server` serves.
 
-``backend("127.0.0.1:4711")`` gives an object for ``usb.core.find(backend=...)``. Descriptors are fetched once a device,
-every transfer is one question and one answer over TCP (`sim.usb.frames`). Time limits count in the bench's time
-and on the server's side, so a slow computer does not make the bus late.
+``backend("127.0.0.1:4711")`` makes an object for ``usb.core.find(backend=...)``. Descriptors are fetched once a device;
+every transfer is one question and one answer over TCP (`picoradar.sim.usb.frames`). Time limits count in the bench's
+time and on the server's side, so that a slow computer does not make the bus late.
 
 A question is a JSON object and bytes: ``{"op": "speed"}``, ``{"op": "enumerate"}``, ``{"op": "open", "device": n}``, or
-an operation of pyusb's interface with ``handle`` and ``args`` (a length in place of a buffer): see
-`sim.server.usb_server`. An answer is ``{"result": ...}`` and bytes, or ``{"error": text, "code": libusb's number,
-"errno": the system's}``. A handle lives as long as the connection that opened it.
+an operation of pyusb's interface with ``handle`` and ``args`` (a length in place of a buffer), see
+`picoradar.sim.server.usb_server`. An answer is ``{"result": ...}`` and bytes, or
+``{"error": text, "code": libusb's number, "errno": the system's number}``.
+A handle lives as long as its connection.
 """
 
 from __future__ import annotations
@@ -17,16 +18,16 @@ import socket
 import threading
 from array import array
 from dataclasses import dataclass
-from typing import Any
+from typing import cast
 
 import usb.core
 
 from picoradar.sim.usb import errors
 from picoradar.sim.usb.described import DescribedBackend
 from picoradar.sim.usb.descriptors import Device, device_from_plain
-from picoradar.sim.usb.frames import receive_frame, send_frame
+from picoradar.sim.usb.frames import Header, receive_frame, send_frame
 
-PATIENCE_S = 10.0  # how long (wall) the server may take beyond a transfer's own time limit
+PATIENCE_S = 10.0  # wall time that the server may take beyond a transfer's own time limit
 
 
 def backend(address: str) -> ForwardBackend:
@@ -35,14 +36,14 @@ def backend(address: str) -> ForwardBackend:
     Parameters
     ----------
     address : str
-        ``host:port``, as ``picoradar sim`` tells it.
+        ``host:port``, as ``picoradar sim`` reports it.
 
     Raises
     ------
     OSError
-        When nobody listens there.
+        When nothing listens there.
     ValueError
-        When it is no address.
+        When it is not an address.
     """
     host, _, port = address.rpartition(":")
     if not host or not port.isdigit():
@@ -66,7 +67,7 @@ class _Connection:
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.lock = threading.Lock()
 
-    def ask(self, question: dict[str, Any], data: bytes, patience_s: float | None) -> tuple[Any, bytes]:
+    def ask(self, question: Header, data: bytes, patience_s: float | None) -> tuple[object, bytes]:
         try:
             self._socket.settimeout(patience_s)
             send_frame(self._socket, question, data)
@@ -104,13 +105,14 @@ class ForwardBackend(DescribedBackend):
     Raises
     ------
     OSError
-        When nobody listens there.
+        When nothing listens there.
     """
 
     def __init__(self, address: tuple[str, int]) -> None:
         self._address = address
         connection = _Connection(address)
-        self._speed, _ = connection.ask({"op": "speed"}, b"", PATIENCE_S)
+        speed, _ = connection.ask({"op": "speed"}, b"", PATIENCE_S)
+        self._speed = cast("float", speed)
         connection.close()
 
     def enumerate_devices(self) -> list[RemoteDevice]:
@@ -120,7 +122,8 @@ class ForwardBackend(DescribedBackend):
             plugged, _ = connection.ask({"op": "enumerate"}, b"", PATIENCE_S)
         finally:
             connection.close()
-        return [RemoteDevice(row["address"], device_from_plain(row["descriptors"])) for row in plugged]
+        rows = cast("list[Header]", plugged)
+        return [RemoteDevice(_number(row["address"]), _device(row["descriptors"])) for row in rows]
 
     def open_device(self, dev: RemoteDevice) -> _Handle:
         """Open a device."""
@@ -130,7 +133,7 @@ class ForwardBackend(DescribedBackend):
         except usb.core.USBError:
             connection.close()
             raise
-        return _Handle(connection, int(number))
+        return _Handle(connection, _number(number))
 
     def close_device(self, dev_handle: _Handle) -> None:
         """Close a handle; its claims end. Harmless when called late."""
@@ -142,7 +145,7 @@ class ForwardBackend(DescribedBackend):
 
     def get_configuration(self, dev_handle: _Handle) -> int:
         """Get the value of the present configuration; 0 means none."""
-        return int(self._call(dev_handle, "get_configuration")[0])
+        return _number(self._call(dev_handle, "get_configuration")[0])
 
     def set_interface_altsetting(self, dev_handle: _Handle, intf: int, altsetting: int) -> None:
         """Select an alternate setting."""
@@ -159,7 +162,7 @@ class ForwardBackend(DescribedBackend):
     def bulk_write(self, dev_handle: _Handle, ep: int, intf: int, data: array[int], timeout: int) -> int:
         """Write one transfer; returns the bytes taken."""
         args = (ep, int(intf), timeout)
-        return int(self._call(dev_handle, "bulk_write", *args, data=data.tobytes(), timeout_ms=timeout)[0])
+        return _number(self._call(dev_handle, "bulk_write", *args, data=data.tobytes(), timeout_ms=timeout)[0])
 
     def bulk_read(self, dev_handle: _Handle, ep: int, intf: int, buff: array[int], timeout: int) -> int:
         """Read one transfer into ``buff``; returns its length."""
@@ -187,7 +190,7 @@ class ForwardBackend(DescribedBackend):
         result, came = self._call(dev_handle, "ctrl_transfer", *args, data=sent, timeout_ms=timeout)
         if to_host:
             memoryview(data)[: len(came)] = memoryview(came)
-        return int(result)
+        return _number(result)
 
     def clear_halt(self, dev_handle: _Handle, ep: int) -> None:
         """Take an endpoint out of its halt."""
@@ -205,7 +208,7 @@ class ForwardBackend(DescribedBackend):
 
     def _call(
         self, handle: _Handle, op: str, *args: int, data: bytes = b"", timeout_ms: int = 1000
-    ) -> tuple[Any, bytes]:
+    ) -> tuple[object, bytes]:
         question = {"op": op, "handle": handle.number, "args": args}
         patience_s = timeout_ms / 1000 / self._speed + PATIENCE_S if timeout_ms else None  # 0 is for ever to USB
         own = handle.connection
@@ -219,3 +222,14 @@ class ForwardBackend(DescribedBackend):
             return other.ask(question, data, patience_s)
         finally:
             other.close()
+
+
+def _number(result: object) -> int:
+    """Get a whole number of an answer; a server that sends something else counts as gone."""
+    if not isinstance(result, int):
+        raise errors.gone()
+    return result
+
+
+def _device(table: object) -> Device:
+    return device_from_plain(cast("Header", table))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import socket
 import struct
-from typing import Any
 
+Header = dict[str, object]
 _LENGTHS = struct.Struct("<II")
 LONGEST_HEADER = 1 << 20
 LONGEST_DATA = 1 << 24
@@ -16,18 +16,18 @@ class BadFrame(OSError):
     """What came is no frame of this protocol."""
 
 
-def encode_frame(header: dict[str, Any], data: bytes = b"") -> bytes:
+def encode_frame(header: Header, data: bytes = b"") -> bytes:
     """Make the bytes of one frame."""
     text = json.dumps(header).encode()
     return _LENGTHS.pack(len(text), len(data)) + text + data
 
 
-def send_frame(connection: socket.socket, header: dict[str, Any], data: bytes = b"") -> None:
+def send_frame(connection: socket.socket, header: Header, data: bytes = b"") -> None:
     """Send one frame."""
     connection.sendall(encode_frame(header, data))
 
 
-def receive_frame(connection: socket.socket) -> tuple[dict[str, Any], bytes]:
+def receive_frame(connection: socket.socket) -> tuple[Header, bytes]:
     """Wait for one frame.
 
     Raises
@@ -46,7 +46,7 @@ def receive_frame(connection: socket.socket) -> tuple[dict[str, Any], bytes]:
     return frame
 
 
-def take_frame(received: bytearray) -> tuple[dict[str, Any], bytes] | None:
+def take_frame(received: bytearray) -> tuple[Header, bytes] | None:
     """Cut the first whole frame off what has been received; None when it is not all there.
 
     Raises

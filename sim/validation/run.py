@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 from picoradar.sim.validation.distance import distance
 from picoradar.sim.validation.figures import Check, Part
@@ -32,9 +32,15 @@ figcaption { font-size: 13px }
 """
 
 
-def validate(
-    out_dir: str | Path, seed: int = SEED, progress: Callable[[str], None] = lambda _part: None
-) -> dict[str, Any]:
+class Report(TypedDict):
+    """Result of the validation, by the keys of the command."""
+
+    figures: list[dict[str, object]]
+    passed: bool
+    report: str
+
+
+def validate(out_dir: str | Path, seed: int = SEED, progress: Callable[[str], None] = lambda _part: None) -> Report:
     """Compare the simulator with the dissertation, figure by figure, and write one page about it.
 
     Parameters
@@ -44,7 +50,7 @@ def validate(
     seed : int, optional
         Root seed of all noise.
     progress : callable, optional
-        Told the name of each part before it is begun.
+        Called with the name of each part before it begins.
 
     Returns
     -------

@@ -12,7 +12,7 @@ HALF_MM, STEP_MM = 19.5, 1.5
 
 
 def socket(seed: int) -> Part:
-    """SupplyState at the responses of a moist bone at 90 cm and of a wet socket with a clot at 85 cm."""
+    """Compare the responses of a moist bone at 90 cm and of a wet socket with a clot at 85 cm."""
     cadaver, patient = _responses(seed, 900.0, False), _responses(seed, 850.0, True)
     bone = cadaver[cadaver > 0]
     echoing = patient[patient > 12.0]

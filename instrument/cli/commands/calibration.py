@@ -19,7 +19,7 @@ Files = Annotated[list[Path] | None, typer.Argument(help="Calibration files, or 
 File = Annotated[Path, typer.Argument(help="A calibration file.")]
 
 calibration = typer.Typer(
-    help="SupplyState at calibration files, and at the one in force.", no_args_is_help=True, rich_markup_mode=None
+    help="Show calibration files, and the one in force.", no_args_is_help=True, rich_markup_mode=None
 )
 
 

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from importlib import resources
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,8 +17,9 @@ from picoradar.instrument.errors import BadInput
 
 if TYPE_CHECKING:
     from picoradar.instrument.settings import Settings
+    from picoradar.sim.server import Addresses
 
-FASTEST = 50.0  # above it the operating system is too slow for the host's heartbeat
+MAX_SPEED = 50.0  # above it the operating system is too slow for the host's heartbeat
 
 
 def add_to(app: typer.Typer) -> None:
@@ -66,7 +67,7 @@ def sim(
     with ExitStack() as stack:
         stopped = _stop_signals()
         folder = out if out is not None else Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="picoradar-")))
-        _make(folder)
+        _make_folder(folder)
         simulated = Simulated(wanted, None, faults)
         stack.callback(simulated.close)
         server = stack.enter_context(BenchServer(simulated.bench, folder.resolve(), speed=factor))
@@ -91,32 +92,31 @@ def served_speed(text: str) -> float:
     """
     factor = options.parse_speed(text)
     if factor is None:
-        raise BadInput("--speed max: other programs live in wall time, which cannot be skipped; give 1 or a factor")
-    if factor > FASTEST:
+        raise BadInput("--speed max: other programs run in wall time, which cannot be skipped; give 1 or a factor")
+    if factor > MAX_SPEED:
         raise BadInput(
-            f"--speed {factor:g}: at most {FASTEST:g}; faster than that, a host could not feed the watchdog in time"
+            f"--speed {factor:g}: at most {MAX_SPEED:g}; faster than that, a host could not feed the watchdog in time"
         )
     return factor
 
 
-def host_settings(settings: Settings, addresses: dict[str, Any], speed: float, folder: Path) -> Settings:
-    """Make the settings by which a host reaches the served bench: sockets, forwarded USB, calibration, pace."""
+def host_settings(settings: Settings, addresses: Addresses, speed: float, folder: Path) -> Settings:
+    """Make the settings with which a host reaches the served bench: sockets, forwarded USB, calibration, pace."""
     from picoradar.instrument.settings import Links
 
     calibration = folder / "calibration.json"
     calibration.write_bytes((resources.files("picoradar.instrument") / "data" / "simulated-bench.json").read_bytes())
-    links = Links(
-        **{name: ports["socket"] for name, ports in addresses["serial"].items() if name in Links.model_fields},
-        usb_backend=addresses["usb"]["backend"],
-        usb_address=addresses["usb"]["address"],
-        speed=speed,
+    sockets = {name: ports["socket"] for name, ports in addresses["serial"].items() if name in Links.model_fields}
+    usb = addresses["usb"]
+    links = Links.model_validate(
+        {**sockets, "usb_backend": usb["backend"], "usb_address": usb["address"], "speed": speed}
     )
     return settings.model_copy(
         update={"bench": "devices", "links": links, "calibration": str(calibration), "simulation": {}}
     )
 
 
-def _make(folder: Path) -> None:
+def _make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""What the sampling bridge refuses: checks of configuration and window table, in the order of the sheet.
+"""Checks of configuration and window table, in the order of the sheet; what fails is refused.
 
 Source: protocol sheet ``sampling_bridge.md``, sections 2.3 and 10.
 """
@@ -52,7 +52,7 @@ def check_configuration(data: bytes, caps: Caps) -> Configuration:
     except BadBlock as error:
         raise Refused(error.code, int.from_bytes(data[2:4], "little")) from error
     windows = caps.version >= VERSION_1_1 and bool(configuration.flags & ConfigFlag.WINDOWS)
-    if not windows:  # else the window table brings its own
+    if not windows:  # otherwise the window table has them
         sweep = Window(configuration.start_fs, configuration.step_fs, configuration.samples, configuration.averages)
         check_window(sweep, configuration.prf_hz, caps)
     if not caps.prf_min_hz <= configuration.prf_hz <= caps.prf_max_hz:

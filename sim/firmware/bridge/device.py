@@ -12,34 +12,14 @@ from picoradar.drivers.bridge.sbp import ErrorCode, EventKind, Request, State, S
 from picoradar.drivers.clock import Clock
 from picoradar.sim.firmware.bridge.checks import Refused, check_configuration, check_windows, expect_empty, flag, u32
 from picoradar.sim.firmware.bridge.gate import TriggerGate
+from picoradar.sim.firmware.bridge.identity import blocks, descriptors
 from picoradar.sim.firmware.bridge.reports import Reports
 from picoradar.sim.firmware.bridge.run import Acquirer
-from picoradar.sim.usb import BULK, INTERRUPT, Configuration, Device, Endpoint, Interface, Setup, UsbStall
+from picoradar.sim.usb import Setup, UsbStall
 from picoradar.sim.wires import InterlockChain, SignalSource, TriggerLine
 
-MODEL = "SLR sampling bridge"
-CAPS_1_0 = sbp.Caps()
-CAPS_1_1 = sbp.Caps(version=sbp.VERSION_1_1, header_length=52, windows_max=8, entries_max=252)
-_FEATURES_1_0 = sbp.Feature(0x0F)
-_FEATURES_1_1 = sbp.Feature(0x3F)
 _TO_HOST = 0xC1
 _TO_DEVICE = 0x41
-
-
-def _descriptors(serial_number: str) -> Device:
-    endpoints = (Endpoint(sbp.EP_DATA, BULK, 512), Endpoint(sbp.EP_EVENT, INTERRUPT, 16, 6))  # 2**5 microframes: 4 ms
-    klass, subclass, protocol = sbp.INTERFACE_CLASS
-    interface = Interface(endpoints, 0, 0, klass, subclass, protocol)
-    return Device(
-        sbp.VENDOR_ID,
-        sbp.PRODUCT_ID,
-        0x0100,
-        (Configuration((interface,), bmAttributes=0xC0, bMaxPower=0),),
-        strings=("picoradar", MODEL, serial_number),
-        iManufacturer=1,
-        iProduct=2,
-        iSerialNumber=3,
-    )
 
 
 class SamplingBridgeFirmware:
@@ -77,13 +57,9 @@ class SamplingBridgeFirmware:
         version: int = sbp.VERSION_1_1,
         serial_number: str = "SB-0001",
     ) -> None:
-        if version not in (sbp.VERSION_1_0, sbp.VERSION_1_1):
-            raise ValueError(f"protocol version {version:#06x} is not one of 0x0100 and 0x0101")
         self.clock = clock
-        self.descriptors = _descriptors(serial_number)
-        self.caps = CAPS_1_1 if version == sbp.VERSION_1_1 else CAPS_1_0
-        features = _FEATURES_1_1 if version == sbp.VERSION_1_1 else _FEATURES_1_0
-        self.info = sbp.Info(version, 1, 0x0102, serial_number, MODEL, features)
+        self.descriptors = descriptors(serial_number)
+        self.info, self.caps = blocks(version, serial_number)
         self.interlock = interlock
         self.reports = Reports(clock)
         self.clock_locked = True
@@ -107,7 +83,7 @@ class SamplingBridgeFirmware:
     # The bus
 
     def control(self, setup: Setup, data: bytes) -> bytes:
-        """Carry out a control request; a refused one stalls, its reason is queued."""
+        """Carry out a control request; a refused one stalls, and the reason is queued."""
         try:
             if setup.request_type == _TO_HOST and setup.index & 0xFF == 0:
                 return self._get(setup)
@@ -169,9 +145,9 @@ class SamplingBridgeFirmware:
     def _set(self, setup: Setup, data: bytes) -> None:
         match setup.request:
             case Request.SET_CONFIG:
-                self._set_config(flag(setup.value), data)
+                self._set_config(data, check_only=flag(setup.value))
             case Request.SET_WINDOWS if self.caps.version >= sbp.VERSION_1_1:
-                self._set_windows(flag(setup.value), data)
+                self._set_windows(data, check_only=flag(setup.value))
             case Request.START:
                 self._start(u32(data))
             case Request.STOP:
@@ -183,7 +159,7 @@ class SamplingBridgeFirmware:
                     raise Refused(ErrorCode.BUSY, self.acquirer.state)
                 self.acquirer.queue.flush()
             case Request.LASER:
-                self.gate.laser(setup.value, data, bool(self._configuration))
+                self.gate.laser(setup.value, data, configured=bool(self._configuration))
                 if setup.value == 2 and self.acquirer.state is State.FAULT:
                     self.acquirer.abandon(State.IDLE)
             case Request.HEARTBEAT:
@@ -199,7 +175,7 @@ class SamplingBridgeFirmware:
             case _:
                 raise Refused(ErrorCode.UNKNOWN_REQUEST, setup.request)
 
-    def _set_config(self, check_only: bool, data: bytes) -> None:
+    def _set_config(self, data: bytes, *, check_only: bool) -> None:
         if self.acquirer.state is not State.IDLE:
             raise Refused(ErrorCode.BUSY, self.acquirer.state)
         configuration = check_configuration(data, self.caps)
@@ -207,7 +183,7 @@ class SamplingBridgeFirmware:
             self._configuration = data
             self.acquirer.configure(configuration, int.from_bytes(data[-4:], "little"))
 
-    def _set_windows(self, check_only: bool, data: bytes) -> None:
+    def _set_windows(self, data: bytes, *, check_only: bool) -> None:
         if self.acquirer.state not in (State.IDLE, State.WAIT):
             raise Refused(ErrorCode.BUSY, self.acquirer.state)
         configuration = self.acquirer.configuration
@@ -269,5 +245,5 @@ class SamplingBridgeFirmware:
         self.reports.error(ErrorCode.WATCHDOG_TRIPPED)
         self.acquirer.abandon(State.FAULT)
 
-    def _interlock_changed(self, closed: bool) -> None:
-        self.reports.event(EventKind.INTERLOCK, int(closed))
+    def _interlock_changed(self) -> None:
+        self.reports.event(EventKind.INTERLOCK, int(self.interlock.closed))

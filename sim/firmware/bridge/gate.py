@@ -1,6 +1,6 @@
 """Trigger gate and watchdog of the sampling bridge.
 
-Source: protocol sheet ``sampling_bridge.md``, section 5. Nothing here opens the gate by itself.
+Source: protocol sheet ``sampling_bridge.md``, section 5. Nothing here opens the gate unless the host asks for it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ POWER_UP_WATCHDOG_MS = 1000
 
 
 class TriggerGate:
-    """Passes the laser trigger, or does not.
+    """Passes the laser trigger on, or blocks it.
 
     Parameters
     ----------
@@ -61,8 +61,16 @@ class TriggerGate:
             return 0.0
         return max(0.0, self._fed_at + self._timeout_s - self.clock.now())
 
-    def laser(self, verb: int, key: bytes, configured: bool) -> None:
+    def laser(self, verb: int, key: bytes, *, configured: bool) -> None:
         """Carry out LASER: 0 off, 1 on, 2 clear the lock-out.
+
+        Parameters
+        ----------
+        verb : int
+        key : bytes
+            The data stage: `LASER_KEY`, or empty for 0.
+        configured : bool
+            Whether the device has a configuration; without one the gate stays closed.
 
         Raises
         ------
@@ -111,7 +119,7 @@ class TriggerGate:
         Raises
         ------
         Refused
-            When it is not within the limits; 0 is not: the watchdog cannot be disabled.
+            When it is out of range, which 0 is: the watchdog cannot be disabled.
         """
         if not self.caps.watchdog_min_ms <= timeout_ms <= self.caps.watchdog_max_ms:
             raise Refused(ErrorCode.BAD_VALUE, timeout_ms)
@@ -124,7 +132,7 @@ class TriggerGate:
             self._set(Gate.OFF)
 
     def reset(self) -> None:
-        """Return to the state after power-up, but for a lock-out: only LASER 2 ends that."""
+        """Return to the state after power-up, except for a lock-out, which only LASER 2 ends."""
         self.close()
         self._fed_at = self._counter = None
         self._timeout_s = POWER_UP_WATCHDOG_MS / 1000
@@ -154,6 +162,6 @@ class TriggerGate:
             self.lock()
             self._tripped()
 
-    def _interlock_changed(self, closed: bool) -> None:
-        if not closed:
+    def _interlock_changed(self) -> None:
+        if not self.interlock.closed:
             self.lock()

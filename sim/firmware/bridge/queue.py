@@ -1,4 +1,4 @@
-"""Frame queue of the sampling bridge: sequence numbers, overruns, and frames corrupted on purpose.
+"""Frame queue of the sampling bridge: sequence numbers, overruns, and frames corrupted by injected faults.
 
 Source: protocol sheet ``sampling_bridge.md``, section 3, framing rules 4 and 5.
 """
@@ -26,9 +26,9 @@ class FrameQueue:
     lost : int
         Frames lost in this run.
     corrupted : bool
-        Whether any frame of this run was lost, altered or thrown away.
+        Whether any frame of this run was lost, altered or discarded.
     fault : callable, optional
-        ``fault(frame_bytes)`` returns what is queued in its place, or None to lose it: the seam for faults.
+        ``fault(frame_bytes)`` returns what is queued in its place, or None to lose it; set by injected faults.
     """
 
     def __init__(self, caps: Caps, overrun: Callable[[int], None]) -> None:
@@ -51,7 +51,7 @@ class FrameQueue:
         self.corrupted = self._lost_before = False
 
     def flush(self) -> None:
-        """Throw the queued frames away."""
+        """Discard the queued frames."""
         self.corrupted = self.corrupted or bool(self._frames)
         self._frames.clear()
 

@@ -23,7 +23,7 @@ class Record:
     Attributes
     ----------
     run_id, repeat, number : int
-        Run, how often runs of this id were delivered before, and record number.
+        Run id, number of earlier deliveries of this run id, and record number.
     windows : tuple of Window
         A record of version 1.0 is one window.
     configuration : Configuration
@@ -33,7 +33,7 @@ class Record:
     prf_hz : float
         Shots per second.
     flags : FrameFlag
-        What all its frames carry.
+        Flags of all its frames.
     """
 
     run_id: int
@@ -53,7 +53,7 @@ class Record:
         return self.start_s + sum(w.sweeps * self._per_sweep(w) for w in self.windows) / self.prf_hz
 
     def pieces(self, now_s: float) -> Iterator[tuple[int, Window, int, float]]:
-        """Give number, window, whole sweeps taken until ``now_s``, and start (s) of each window that has any."""
+        """Yield number, window, sweeps completed until ``now_s`` and start (s) of each window that has any."""
         shots = int((now_s - self.start_s) * self.prf_hz + 1e-3)
         start_s = self.start_s
         for number, window in enumerate(self.windows):
@@ -96,7 +96,7 @@ class RecordTaker:
         self._payload_max = payload_max
 
     def frames(self, record: Record, now_s: float) -> list[Frame]:
-        """Get the frames of what has been taken until ``now_s``; none when no sweep is whole."""
+        """Get the frames of the sweeps completed until ``now_s``."""
         frames = [
             frame
             for number, window, sweeps, start_s in record.pieces(now_s)

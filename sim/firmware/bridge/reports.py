@@ -15,7 +15,7 @@ EVENTS_MAX = 32
 
 
 class Reports:
-    """What the device has to tell without being asked.
+    """Errors and events that the device reports by itself.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class Reports:
     Attributes
     ----------
     run_id : int
-        Run that events name.
+        Run that the events carry.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -33,7 +33,7 @@ class Reports:
         self._clock = clock
         self._started = clock.now()
         self._errors: deque[ErrorEntry] = deque()
-        self._events: deque[bytes] = deque(maxlen=EVENTS_MAX)  # of events that nobody reads the latest are kept
+        self._events: deque[bytes] = deque(maxlen=EVENTS_MAX)  # of unread events the latest are kept
 
     def __len__(self) -> int:
         """Get the number of errors queued."""
@@ -64,6 +64,6 @@ class Reports:
         return self._events.popleft() if self._events else None
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Drop all errors and events."""
         self._errors.clear()
         self._events.clear()

@@ -1,7 +1,7 @@
 """Acquisition of the sampling bridge: runs, and when their records begin and end.
 
-Source: protocol sheet ``sampling_bridge.md``, sections 2 and 10. One timer takes a whole record; its codes are asked of
-the signal source when the last shot has been fired.
+Source: protocol sheet ``sampling_bridge.md``, sections 2 and 10. One timer takes a whole record; its codes are
+requested from the signal source when the last shot has been fired.
 """
 
 from __future__ import annotations
@@ -25,12 +25,8 @@ class Acquirer:
 
     Parameters
     ----------
-    clock : Clock
-    trigger : TriggerLine
-    source : SignalSource
-    gate : TriggerGate
-    caps : Caps
-    reports : Reports
+    clock, trigger, source, gate, caps, reports
+        As of the firmware.
 
     Attributes
     ----------
@@ -82,14 +78,14 @@ class Acquirer:
         return self._trigger.rate_hz
 
     def configure(self, configuration: Configuration | None, crc: int) -> None:
-        """Put a checked configuration in force (None: drop it)."""
+        """Activate a checked configuration (None: drop the present one)."""
         self.configuration = configuration
         self._config_crc = crc
         self._table = []
         self._table_row = 0
 
     def set_windows(self, table: list[tuple[Window, ...]]) -> None:
-        """Put a checked table of windows in force; a run that waits for one goes on."""
+        """Activate a checked table of windows; a run that waits for one continues."""
         self._table = table
         self._table_row = 0
         if self.state is State.WAIT:
@@ -106,7 +102,7 @@ class Acquirer:
         self._enter(State.WAIT)
         self._seek_start()
 
-    def stop(self, at_once: bool) -> None:
+    def stop(self, *, at_once: bool) -> None:
         """End the run at the end of the record, or at once with the sweeps taken so far."""
         if self.state is State.WAIT:
             self._end_run()
@@ -118,7 +114,7 @@ class Acquirer:
                 self._enter(State.STOPPING)
 
     def abandon(self, state: State) -> None:
-        """End the run with nothing more to send and enter ``state`` (IDLE or FAULT)."""
+        """End the run, send nothing more and enter ``state`` (IDLE or FAULT)."""
         self._cancel()
         self.queue.corrupted = True
         self._enter(state)
@@ -149,7 +145,7 @@ class Acquirer:
         return frame
 
     def _seek_start(self) -> None:
-        """Begin the next record if all that it needs is there; look again soon if only the trigger is missing."""
+        """Begin the next record if everything is there; try again soon if only the trigger is missing."""
         self._cancel()
         configuration = self.configuration
         windows = self._next_windows()
@@ -161,7 +157,7 @@ class Acquirer:
             self._timer = self._clock.call_at(self._clock.now() + TRIGGER_POLL_S, self._seek_start)
             return
         self._edge_waits = False
-        self._watch_rate(configuration)
+        self._check_rate(configuration)
         self._record = Record(
             run_id=self.run_id,
             repeat=self._deliveries[self.run_id],
@@ -186,7 +182,7 @@ class Acquirer:
             return self._table[self._table_row] if self._table_row < len(self._table) else ()
         return (Window(c.start_fs, c.step_fs, c.samples, c.averages),)
 
-    def _watch_rate(self, configuration: Configuration) -> None:
+    def _check_rate(self, configuration: Configuration) -> None:
         off = abs(self.prf_hz - configuration.prf_hz) > RATE_TOLERANCE * configuration.prf_hz
         if off and not self._rate_reported:
             self._rate_reported = True
@@ -195,7 +191,7 @@ class Acquirer:
     def _end_record(self) -> None:
         stopping = self.state is State.STOPPING
         if self.prf_hz <= 0:
-            # The triggers stopped inside: the record is taken anew when they are back.
+            # The triggers stopped during the record: it is taken again when they are back.
             self._next_flags |= FrameFlag.TRIGGER_LOST
             self._edge_waits = True
             self._reports.error(ErrorCode.TRIGGER_LOST, self.records_done)

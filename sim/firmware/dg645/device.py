@@ -1,6 +1,6 @@
 """The firmware of a simulated SRS DG645 (protocol sheet ``dg645``): commands, registers, triggers.
 
-Triggers are counted, not made one by one: the device knows its rate, and what happened since it last looked.
+Triggers are counted, not generated one by one: the status bits follow from the rate and the time that has passed.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Dg645Firmware:
     trigger : TriggerLine
         Wire that it drives: ``rate_hz`` is the rate of pulses on AB, 0 when there are none.
     interlock : InterlockChain
-        Hangs on the INHIBIT input.
+        Connected to the INHIBIT input.
     serial_number : str
         As in ``*IDN?``.
     """
@@ -68,7 +68,7 @@ class Dg645Firmware:
         self._lines = LineReader(b"\r\n", limit=256)
         self._send: Callable[[bytes, float], None] | None = None
         self._sets, self._queries = self._tables()
-        interlock.on_change(lambda _: self._triggers.apply(self.settings))
+        interlock.on_change(lambda: self._triggers.apply(self.settings))
         self._triggers.apply(self.settings)
 
     def connect(self, send: Callable[[bytes, float], None]) -> None:
@@ -115,7 +115,7 @@ class Dg645Firmware:
         return None
 
     def _tables(self) -> tuple[dict[str, _Set], dict[str, _Query]]:
-        """Build the command table: how many parameters each takes, and what it does."""
+        """Build the command table: the number of parameters of each command, and what it does."""
         sets: dict[str, _Set] = {}
         queries: dict[str, _Query] = {}
         for name, row in SETTINGS.items():
@@ -126,7 +126,7 @@ class Dg645Firmware:
             sets[name] = _Set((1, 1), partial(self._set_mask, name))
             queries[name] = _Query((0, 0), partial(self._mask_text, name))
         sets |= {
-            "*RST": _Set((0, 0), lambda _: self._restore(Settings())),
+            "*RST": _Set((0, 0), lambda _: setattr(self, "settings", Settings())),
             "*CLS": _Set((0, 0), lambda _: self.registers.clear()),
             "*TRG": _Set((0, 0), lambda _: self._triggers.single(self.settings)),
             "*WAI": _Set((0, 0), lambda _: None),
@@ -203,10 +203,7 @@ class Dg645Firmware:
             raise Refused(ILLEGAL_VALUE)
         if memory and memory not in self._memories:
             raise Refused(RECALL_FAILED)
-        self._restore(self._memories[memory].copy() if memory else Settings())
-
-    def _restore(self, settings: Settings) -> None:
-        self.settings = settings
+        self.settings = self._memories[memory].copy() if memory else Settings()
 
     def _operation_complete(self) -> None:
         self.registers.esr |= OPC
@@ -221,15 +218,16 @@ class Dg645Firmware:
         self._reply_end = bytes(code for code in codes if code)
 
     def _read_stb(self, parameters: list[str]) -> str:
-        self._triggers.look()
-        burst = bool(self.settings.get("BURM")) and self._triggers.running
-        return self._bits(lambda mask: self.registers.status_byte(self._triggers.running, burst) & mask, parameters)
+        self._triggers.update_status()
+        busy = self._triggers.running
+        stb = self.registers.status_byte(busy=busy, burst=busy and bool(self.settings.get("BURM")))
+        return self._bits(lambda mask: stb & mask, parameters)
 
     def _read_esr(self, parameters: list[str]) -> str:
         return self._bits(self.registers.take_esr, parameters)
 
     def _read_insr(self, parameters: list[str]) -> str:
-        self._triggers.look()
+        self._triggers.update_status()
         return self._bits(self.registers.take_insr, parameters)
 
     @staticmethod

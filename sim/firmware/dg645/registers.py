@@ -57,7 +57,7 @@ class Registers:
         self.insr &= ~mask
         return value
 
-    def status_byte(self, busy: bool, burst: bool) -> int:
+    def status_byte(self, *, busy: bool, burst: bool) -> int:
         """Compute the STB from the registers and their masks."""
         stb = bool(self.insr & self.masks["INSE"]) | busy << 1 | burst << 2 | bool(self.esr & self.masks["*ESE"]) << 5
         return stb | bool(stb & self.masks["*SRE"]) << 6

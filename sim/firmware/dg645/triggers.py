@@ -1,7 +1,7 @@
 """Trigger engine of the simulated DG645: which rate comes out, and which status bits it sets.
 
-Triggers are counted, not made one by one: from the settings follows a rate, and from the time since the last
-look whether at least one trigger came.
+Triggers are counted, not generated one by one: the rate follows from the settings, and from the time since the last
+update follows whether at least one trigger came.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ class TriggerEngine:
         """Get whether triggers come by themselves."""
         return self._asked_hz > 0
 
-    def look(self) -> None:
-        """Set the status bits of what has happened since the last look."""
+    def update_status(self) -> None:
+        """Set the status bits of what has happened since the last call."""
         now = self.clock.now()
         if (now - self._since) * self._asked_hz >= 1:
             self.registers.insr |= self._bits
@@ -57,7 +57,7 @@ class TriggerEngine:
 
     def apply(self, settings: Settings) -> None:
         """Take new settings or a change of the interlock: compute rate and bits from now on."""
-        self.look()
+        self.update_status()
         self._since = self.clock.now()
         source = settings.get("TSRC")
         self._asked_hz = {INTERNAL: settings.get("TRAT"), LINE: LINE_HZ}.get(int(source), 0.0)

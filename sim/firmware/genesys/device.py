@@ -8,7 +8,7 @@ from collections.abc import Callable
 from picoradar.drivers.clock import Clock
 from picoradar.drivers.genesys import END, Fault, Status, parse_rating
 from picoradar.sim.firmware.genesys.supply import FILTERS_HZ, LOCAL, LOCKED_OUT, REMOTE, GenesysSupply, Refused
-from picoradar.sim.firmware.genesys.text import checksum, number, on_off, switch, two_hex_digits, without_backspaces
+from picoradar.sim.firmware.genesys.text import ON_OFF, checksum, number, switch, two_hex_digits, without_backspaces
 from picoradar.sim.firmware.lines import LineReader
 from picoradar.sim.wires import InterlockChain
 
@@ -27,7 +27,7 @@ class GenesysFirmware:
     clock : Clock
         Time of the bench.
     interlock : InterlockChain
-        Hangs on the ENA terminals.
+        Connected to the ENA terminals.
     address : int
         Address on the line, 0 to 30.
     model, serial_number : str
@@ -147,12 +147,12 @@ class GenesysFirmware:
             "DVC": self._all_values,
             "STT": self._state,
             "MODE": lambda: "OFF" if not supply.is_on else "CC" if supply.limits_current else "CV",
-            "OUT": lambda: on_off(supply.is_on),
+            "OUT": lambda: ON_OFF[supply.is_on],
             "OVP": lambda: f"{supply.settings.overvoltage_v:.2f}",
             "UVL": lambda: f"{supply.settings.undervoltage_v:.3f}",
-            "FLD": lambda: on_off(supply.settings.foldback),
+            "FLD": lambda: ON_OFF[supply.settings.foldback],
             "FBD": lambda: f"{supply.foldback_delay:02d}",
-            "AST": lambda: on_off(supply.settings.auto_start),
+            "AST": lambda: ON_OFF[supply.settings.auto_start],
             "FILTER": lambda: str(supply.filter_hz),
             "FENA": lambda: f"{registers.fault_mask:02X}",
             "SENA": lambda: f"{registers.status_mask:02X}",
@@ -175,7 +175,7 @@ class GenesysFirmware:
             "RMT": (True, self._set_remote),
             "PV": (True, lambda text: supply.set_voltage(number(text), text)),
             "PC": (True, lambda text: supply.set_current(number(text), text)),
-            "OUT": (True, lambda text: supply.switch(switch(text))),
+            "OUT": (True, lambda text: supply.switch(on=switch(text))),
             "OVP": (True, lambda text: supply.set_overvoltage(number(text))),
             "UVL": (True, lambda text: supply.set_undervoltage(number(text))),
             "FLD": (True, lambda text: supply.change(foldback=switch(text))),

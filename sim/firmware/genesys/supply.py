@@ -1,13 +1,14 @@
 """The simulated Genesys supply behind its command set: settings and their cross rules, faults, output.
 
-The ENA terminals hang on the interlock chain. After an interlock trip the output stays off, unless
-auto-start is on. A foldback trip stands until ``OUT 0`` or ``RST``.
+The ENA terminals are connected to the interlock chain. After an interlock trip the output stays off, unless
+auto-start is on. A foldback trip is latched until ``OUT 0`` or ``RST``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypedDict, Unpack
 
 from picoradar.drivers.clock import Clock, Timer
 from picoradar.drivers.genesys import Fault, Status
@@ -46,6 +47,17 @@ class Settings:
     def current_a(self) -> float:
         """Get the current limit."""
         return float(self.current_text)
+
+
+class Changes(TypedDict, total=False):
+    """Settings that change, under the names of `Settings`."""
+
+    overvoltage_v: float
+    voltage_text: str
+    current_text: str
+    undervoltage_v: float
+    foldback: bool
+    auto_start: bool
 
 
 class GenesysSupply:
@@ -146,7 +158,7 @@ class GenesysSupply:
         self.remote = who
         self._refresh()
 
-    def switch(self, on: bool) -> None:
+    def switch(self, *, on: bool) -> None:
         """Carry out ``OUT``."""
         if on and self._faults():
             raise Refused("E07")
@@ -155,9 +167,9 @@ class GenesysSupply:
         self.is_on = on
         self._refresh()
 
-    def change(self, **changes: str | float | bool) -> None:
+    def change(self, **changes: Unpack[Changes]) -> None:
         """Change settings that need no check of their own."""
-        self.settings = replace(self.settings, **changes)  # type: ignore[arg-type]
+        self.settings = replace(self.settings, **changes)
         self._refresh()
 
     def reset(self) -> None:
@@ -178,8 +190,8 @@ class GenesysSupply:
         self.is_on = False
         self._refresh()
 
-    def _interlock_changed(self, closed: bool) -> None:
-        if closed and self.settings.auto_start and not self._folded:
+    def _interlock_changed(self) -> None:
+        if self.interlock.closed and self.settings.auto_start and not self._folded:
             self.is_on = True
         self._refresh()
 
@@ -198,7 +210,7 @@ class GenesysSupply:
             self.is_on = False
         settings, limited = self.settings, self.limits_current
         self._output.steer(min(settings.voltage_v, settings.current_a * LOAD_OHM) if self.is_on else 0.0)
-        self._watch_foldback(self.is_on and limited and settings.foldback)
+        self._watch_foldback(due=self.is_on and limited and settings.foldback)
         status = Status.FAULT if fault else Status.NO_FAULT
         if self.is_on:
             status |= Status.CONSTANT_CURRENT if limited else Status.CONSTANT_VOLTAGE
@@ -210,7 +222,7 @@ class GenesysSupply:
             status |= Status.LOCAL
         self.registers.update(fault, status)
 
-    def _watch_foldback(self, due: bool) -> None:
+    def _watch_foldback(self, *, due: bool) -> None:
         if due and self._foldback_timer is None:
             when = self.clock.now() + FOLDBACK_S + 0.1 * self.foldback_delay
             self._foldback_timer = self.clock.call_at(when, self._fold)

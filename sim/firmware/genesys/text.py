@@ -7,6 +7,7 @@ import re
 from picoradar.sim.firmware.genesys.supply import Refused
 
 LONGEST_NUMBER = 12
+ON_OFF = {True: "ON", False: "OFF"}
 _NUMBER = re.compile(r"\d+\.?\d*|\.\d+", re.ASCII)
 
 
@@ -38,11 +39,6 @@ def switch(text: str) -> bool:
     if text not in ("0", "1", "ON", "OFF"):
         raise Refused("C03")
     return text in ("1", "ON")
-
-
-def on_off(on: bool) -> str:
-    """Write the state of a switch."""
-    return "ON" if on else "OFF"
 
 
 def two_hex_digits(text: str) -> int:

@@ -64,7 +64,7 @@ class HeliosFirmware:
     clock : Clock
         Time of the bench.
     mirrors : Mirrors
-        Told of each new place when its point is played.
+        Gets each new position when its point is played.
     name : str
         Name of the unit.
 
@@ -110,7 +110,7 @@ class HeliosFirmware:
             return False
         self._partial += data
         if data and len(data) % wire.PACKET == 0 and len(self._partial) < BUFFER_BYTES:
-            return True  # no short packet has ended the transfer: the rest seems to be still to come
+            return True  # no short packet has ended the transfer: more is to come
         frame, self._partial = wire.decode_frame(self._partial), b""
         if frame is None or self.clock.now() < self._deaf_until:
             self.frames_dropped += 1
@@ -123,7 +123,7 @@ class HeliosFirmware:
         return self._answers.popleft() if endpoint == wire.EP_ANSWER and self._answers else None
 
     def configured(self, value: int) -> None:
-        """Stop when a configuration is set anew."""
+        """Stop when a configuration is set again."""
         self.bus_reset()
 
     def alternate_selected(self, interface: int, alternate: int) -> None:

@@ -21,7 +21,7 @@ MARKER_LEVEL = 127
 
 @dataclass(frozen=True)
 class _Change:
-    """What happens at one point of a frame: a new place (None: the same), and whether the marker line rises."""
+    """Change at one point of a frame: a new position (None: the same), and whether the marker line rises."""
 
     after_s: float
     place: tuple[float, float] | None
@@ -36,7 +36,7 @@ class FramePlayer:
     clock : Clock
         Time of the bench.
     mirrors : Mirrors
-        Told of each new place when its point is played, in -1..+1 of the analogue span.
+        Gets each new position when its point is played, in -1..+1 of the analogue span.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class FramePlayer:
             self._next(frame, changes)
 
     def _changes(self, frame: GalvoFrame) -> deque[_Change]:
-        """Find the points at which something changes: the place, or the marker line rises."""
+        """Find the points at which the position changes or the marker line rises."""
         high = frame.colours[:, 2] > MARKER_LEVEL
         rises = high & ~np.concatenate([[self._marker_high], high[:-1]])
         moved = np.concatenate([[True], (np.diff(frame.xy.astype(int), axis=0) != 0).any(axis=1)])

@@ -91,7 +91,7 @@ class TecFirmware:
         try:
             frame = decode(line)
         except ValueError:
-            return  # silence is what the host gets for what is no frame
+            return  # no answer to what is not a frame
         mine = (int(self.memory.values[2051]), ANY_ADDRESS, ALL_ADDRESSES)
         if frame.control != "#" or not frame.is_intact or frame.address not in mine or not self.device.answers:
             return
@@ -118,9 +118,9 @@ class TecFirmware:
             "?VX": self._several,
             "?IF": lambda _: IDENTITY,  # the maker's client adds a channel
             "VS": lambda rest: self._set(_row(rest[:6]), rest[6:]),
-            "RS": _alone(self.device.reset),
-            "SP": _alone(self.memory.save),
-            "ES": _alone(self.device.stop),
+            "RS": _without_argument(self.device.reset),
+            "SP": _without_argument(self.memory.save),
+            "ES": _without_argument(self.device.stop),
             "CS": lambda rest: self._change_baud(decode_int(rest)),
         }
 
@@ -182,8 +182,8 @@ class TecFirmware:
         self._lines.clear()
 
 
-def _alone(run: Callable[[], str | None]) -> Callable[[str], str | None]:
-    """Make a request that takes nothing after its name."""
+def _without_argument(run: Callable[[], str | None]) -> Callable[[str], str | None]:
+    """Make a request that takes no argument."""
 
     def request(rest: str) -> str | None:
         if rest:

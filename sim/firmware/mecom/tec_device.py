@@ -1,6 +1,6 @@
 """The simulated temperature controller behind its protocol: parameters, errors, watchdog, reset.
 
-An error switches the output off and is latched; only a reset leaves it (protocol sheet ``mecom_tec``).
+An error switches the output off and is latched until a reset (protocol sheet ``mecom_tec``).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ ROUNDING_S = 1e-9
 
 
 class OutOfRange(ValueError):
-    """A value that the device does not take."""
+    """A value that the device does not accept."""
 
 
 class TecDevice:
@@ -53,7 +53,7 @@ class TecDevice:
 
     @property
     def answers(self) -> bool:
-        """Get whether it listens: not while it starts up."""
+        """Get whether it answers, which it does not while it starts up."""
         return self._status is not DeviceStatus.INIT
 
     @property

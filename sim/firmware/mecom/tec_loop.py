@@ -111,7 +111,7 @@ class TemperatureLoop:
         error = self.nominal_degc - object_degc
         integral = self._integral + (kp * error * STEP_S / ti if ti else 0.0)
         percent = kp * (error - td * slope) + integral
-        if abs(percent) <= 100:  # no winding up while the output is at its limit
+        if abs(percent) <= 100:  # anti-windup while the output is at its limit
             self._integral = integral
         self._drive(max(-100.0, min(100.0, percent)) / 100 * self.values[2030])
 

@@ -1,7 +1,7 @@
 """The simulated sampling oscilloscope: SCPI commands of the 86100 family, in the role of an HP 54120B.
 
-Source: protocol sheet ``dca_scpi_waveform.md``. It is triggered at 20 kHz at the most; of a faster trigger it takes
-every n-th pulse.
+Source: protocol sheet ``dca_scpi_waveform.md``. It is triggered at 20 kHz at the most and uses every n-th
+pulse of a faster trigger.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ RATE_MAX_HZ = 20_000.0
 TRIGGER_POLL_S = 1e-3
 POINTS_MAX = 262_144
 COUNT_MAX = 4096
+ZERO_CODE, MV_PER_CODE = 32.0, 0.5  # of the signal sources
 _ON_OFF = {"ON": "1", "OFF": "0", "1": "1", "0": "0"}
 _FORMATS = {"ASCII": "ASC", "BYTE": "BYTE", "WORD": "WORD", "LONG": "LONG"}
 
@@ -36,9 +37,9 @@ class OscilloscopeFirmware(UsbtmcFirmware):
     trigger : TriggerLine
         Its trigger input.
     source : SignalSource
-        What is at its channel 1, in codes of ``mv_per_code`` with ``zero_code`` at 0 V.
+        Signal at its channel 1, in codes of `MV_PER_CODE` with `ZERO_CODE` at 0 V.
     detector : SignalSource, optional
-        What is at its channel 2, in the same codes; without one it has no channel 2.
+        Signal at its channel 2, in the same codes; without one it has no channel 2.
     gate_open : callable
         Whether triggers reach the laser.
     serial_number : str
@@ -53,18 +54,16 @@ class OscilloscopeFirmware(UsbtmcFirmware):
         detector: SignalSource | None = None,
         gate_open: Callable[[], bool] = lambda: True,
         serial_number: str = "SO-0001",
-        zero_code: float = 32.0,
-        mv_per_code: float = 0.5,
     ) -> None:
         sources = {"CHAN1": source} if detector is None else {"CHAN1": source, "CHAN2": detector}
-        instrument = Scope(clock, trigger, sources, gate_open, serial_number, zero_code, mv_per_code)
+        instrument = Scope(clock, trigger, sources, gate_open, serial_number)
         super().__init__(instrument, tmc_descriptors(VENDOR_ID, PRODUCT_ID, ("picoradar", MODEL, serial_number)))
 
 
 class Scope(ScpiParser):
     """The instrument behind the interface.
 
-    One waveform is digitised at a time; while it lasts no further command is begun, as with a sequential command.
+    One waveform is digitised at a time; meanwhile no further command is begun, as with a sequential command.
     """
 
     def __init__(
@@ -74,8 +73,6 @@ class Scope(ScpiParser):
         sources: Mapping[str, SignalSource],
         gate_open: Callable[[], bool],
         serial_number: str,
-        zero_code: float,
-        mv_per_code: float,
     ) -> None:
         self._sources = dict(sources)
         super().__init__(self._commands())
@@ -83,8 +80,6 @@ class Scope(ScpiParser):
         self._trigger = trigger
         self._gate_open = gate_open
         self._serial_number = serial_number
-        self._zero_code = zero_code
-        self._mv_per_code = mv_per_code
         self._taken = 0
         self._timer: Timer | None = None
         self._waveform: TakenWaveform | None = None
@@ -127,21 +122,18 @@ class Scope(ScpiParser):
             ":WAVeform:PREamble?": lambda _: self._preamble(),
             ":WAVeform:DATA?": lambda _: self._having_data().data(self._words["format"], self._words["byteorder"]),
         }
-        vertical: list[tuple[str, str, float, float]] = []
         for source in self._sources:
-            channel, name = f":CHANnel{source[-1]}", f"{source}_scale_v"
-            commands[f"{channel}:RANGe"] = lambda a, n=name: self._set(n, number(a, 1e-3, 8.0) / 8)  # type: ignore[misc]
-            commands[f"{channel}:RANGe?"] = lambda _, n=name: real(self._settings[n] * 8)  # type: ignore[misc]
-            vertical += [(f"{channel}:SCALe", name, 1e-4, 1.0), (f"{channel}:OFFSet", f"{source}_offset_v", -2.0, 2.0)]
-        for header, name, minimum, maximum in (
-            *vertical,
-            (":TIMebase:RANGe", "range_s", 1e-13, 1.0),
-            (":TIMebase:POSition", "position_s", 0.0, 1.0),
-            (":ACQuire:POINts", "points", 1, POINTS_MAX),
-            (":ACQuire:COUNt", "count", 1, COUNT_MAX),
+            channel = f":CHANnel{source[-1]}"
+            commands |= self._number_setting(f"{channel}:RANGe", f"{source}_scale_v", (1e-3, 8.0), per_unit=8)
+            commands |= self._number_setting(f"{channel}:SCALe", f"{source}_scale_v", (1e-4, 1.0))
+            commands |= self._number_setting(f"{channel}:OFFSet", f"{source}_offset_v", (-2.0, 2.0))
+        for header, name, limits in (
+            (":TIMebase:RANGe", "range_s", (1e-13, 1.0)),
+            (":TIMebase:POSition", "position_s", (0.0, 1.0)),
+            (":ACQuire:POINts", "points", (1, POINTS_MAX)),
+            (":ACQuire:COUNt", "count", (1, COUNT_MAX)),
         ):
-            commands[header] = lambda a, n=name, lo=minimum, hi=maximum: self._set(n, number(a, lo, hi))  # type: ignore[misc]
-            commands[f"{header}?"] = lambda _, n=name: real(self._settings[n])  # type: ignore[misc]
+            commands |= self._number_setting(header, name, limits)
         for header, name, forms in (
             (":TRIGger:SOURce", "trigger", {"EXTERNAL": "EXT"}),
             (":ACQuire:AVERage", "average", _ON_OFF),
@@ -149,11 +141,29 @@ class Scope(ScpiParser):
             (":WAVeform:FORMat", "format", _FORMATS),
             (":WAVeform:BYTeorder", "byteorder", {"LSBFIRST": "LSBF", "MSBFIRST": "MSBF"}),
         ):
-            commands[header] = lambda a, n=name, f=forms: self._words.update({n: choice(a, f)})  # type: ignore[misc]
-            commands[f"{header}?"] = lambda _, n=name: self._words[n]  # type: ignore[misc]
+            commands |= self._word_setting(header, name, forms)
         for place, field in enumerate(("XINCrement", "XORigin", "XREFerence", "YINCrement", "YORigin", "YREFerence")):
-            commands[f":WAVeform:{field}?"] = lambda _, p=place: self._preamble().split(",")[4 + p]  # type: ignore[misc]
+            commands[f":WAVeform:{field}?"] = self._preamble_query(4 + place)
         return commands
+
+    def _number_setting(
+        self, header: str, name: str, limits: tuple[float, float], *, per_unit: float = 1.0
+    ) -> dict[str, Handler]:
+        """Make command and query of a number, of which the setting ``name`` is the ``per_unit``-th part."""
+        return {
+            header: lambda arguments: self._set(name, number(arguments, *limits) / per_unit),
+            f"{header}?": lambda _: real(self._settings[name] * per_unit),
+        }
+
+    def _word_setting(self, header: str, name: str, forms: Mapping[str, str]) -> dict[str, Handler]:
+        """Make command and query of a word."""
+        return {
+            header: lambda arguments: self._words.update({name: choice(arguments, forms)}),
+            f"{header}?": lambda _: self._words[name],
+        }
+
+    def _preamble_query(self, place: int) -> Handler:
+        return lambda _: self._preamble().split(",")[place]
 
     def _reset(self) -> None:
         self._settings = {
@@ -197,7 +207,7 @@ class Scope(ScpiParser):
         increment_s = self._settings["range_s"] / points
         sums = self._sources[source].acquire(
             Acquisition(
-                key=(0, self._taken, 0, 0),  # run 0: the bridge has none of that number
+                key=(0, self._taken, 0, 0),  # run 0: the bridge never uses that number
                 start_s=begin,
                 prf_hz=rate_hz,
                 delay_ps=self._settings["position_s"] * 1e12,
@@ -209,7 +219,7 @@ class Scope(ScpiParser):
             )
         )
         self._taken += 1
-        volts = (sums / sweeps - self._zero_code) * self._mv_per_code * 1e-3
+        volts = (sums / sweeps - ZERO_CODE) * MV_PER_CODE * 1e-3
         self._waveform = TakenWaveform.of_volts(
             volts,
             (sums >= 255 * sweeps, sums == 0),

@@ -1,7 +1,7 @@
 """SCPI and IEEE 488.2 for simulated instruments: command tree, error queue, event register, sequential execution.
 
 Commands are patterns such as ``:WAVeform:PREamble?``: the capitals are the short form, both forms are understood in
-any case, and a header after ``;`` without a leading colon goes on from the place of the one before.
+any case, and a header after ``;`` without a leading colon continues from the level of the previous one.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class ScpiParser:
     Attributes
     ----------
     busy : bool
-        While it is True no further command is begun; set it to False and call `run` to go on.
+        While it is True no further command is begun; set it to False and call `run` to continue.
     headers : bool
         Whether answers begin with the header of their query.
     service_enable, event_enable : int
@@ -109,7 +109,7 @@ class ScpiParser:
                 self._parts.append(answer)
 
     def clear(self) -> None:
-        """Forget messages and answers (device clear)."""
+        """Discard messages and answers (device clear)."""
         self._messages.clear()
         self._units.clear()
         self._parts.clear()

@@ -103,7 +103,7 @@ class UsbtmcFirmware:
     def take(self, endpoint: int) -> bytes | None:
         """Give the answer to the request that waits, or a notice on the interrupt endpoint."""
         if endpoint == EP_INTERRUPT:
-            self._watch_service()
+            self._check_service()
             return self._notices.popleft() if self._notices else None
         if self._short_packet:
             self._short_packet = False
@@ -137,7 +137,7 @@ class UsbtmcFirmware:
             case (wire.CLASS_TO_ENDPOINT, ControlRequest.CHECK_ABORT_BULK_IN_STATUS):
                 pending = self._short_packet and not self._asked_again
                 if self._short_packet and self._asked_again:
-                    self._short_packet = False  # a host that never reads bulk IN dry must not ask for ever
+                    self._short_packet = False  # a host that never empties bulk IN must not poll without end
                 self._asked_again = pending
                 status = TmcStatus.PENDING if pending else TmcStatus.SUCCESS
                 return bytes([status, pending, 0, 0]) + self._sent.to_bytes(4, "little")
@@ -164,7 +164,7 @@ class UsbtmcFirmware:
         raise UsbStall(f"request {setup.request} of type {setup.request_type:#04x}")
 
     def configured(self, value: int) -> None:
-        """Start anew."""
+        """Clear both buffers."""
         self._clear()
 
     def alternate_selected(self, interface: int, alternate: int) -> None:
@@ -176,7 +176,7 @@ class UsbtmcFirmware:
             self._incoming = self._message = b""
 
     def bus_reset(self) -> None:
-        """Start anew."""
+        """Clear both buffers."""
         self._clear()
 
     def _carry_out(self, header: Header, body: bytes) -> None:
@@ -210,8 +210,8 @@ class UsbtmcFirmware:
         self._short_packet = False
         self.instrument.clear()
 
-    def _watch_service(self) -> None:
-        """Send a request for service once each time that its condition arises."""
+    def _check_service(self) -> None:
+        """Send one request for service each time its condition arises."""
         status = self.instrument.status_byte
         requested = bool(status & 0x40)
         if requested and not self._service_requested:

@@ -1,4 +1,4 @@
-"""A waveform in the memory of the simulated oscilloscope, and the forms in which it is handed out.
+"""A waveform in the memory of the simulated oscilloscope, and its output formats.
 
 Source: protocol sheet ``dca_scpi_waveform.md``.
 """
@@ -30,7 +30,7 @@ class TakenWaveform:
     x_increment, x_origin, y_increment, y_origin : float
         Seconds and volts; both references are 0.
     model : str
-        Of the instrument, as the preamble tells it.
+        Of the instrument, as in the preamble.
     """
 
     codes: NDArray[np.int16]

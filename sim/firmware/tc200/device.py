@@ -97,7 +97,7 @@ class Tc200Firmware:
         if name == "mode" and argument in ("normal", "cycle"):
             self.cycle = argument == "cycle"
             if not self.cycle:
-                raise Refused(RANGE)  # a known slip of the device: it has been carried out
+                raise Refused(RANGE)  # known defect of the device: it refuses what it has carried out
         elif name == "unit" and argument in UNIT_BITS:
             self.unit = argument
         elif name == "sns" and argument in SENSORS:
@@ -134,7 +134,7 @@ class Tc200Firmware:
         max_w = self.values["pmax"]
         integral_w = self._integral_w + WATT_PER_GAIN * self.values["igain"] / 100 * error * STEP_S
         power_w = WATT_PER_GAIN * self.values["pgain"] * error + integral_w
-        if 0 <= power_w <= max_w:  # no winding up while the heater is at its limit
+        if 0 <= power_w <= max_w:  # anti-windup while the heater is at its limit
             self._integral_w = integral_w
         self.block.drive(math.sqrt(max(0.0, min(max_w, power_w)) / HEATER_OHM))
 
