@@ -30,7 +30,7 @@ PRF_HZ = 80e3
 START_PS, STEP_PS, SAMPLES, SWEEPS = 6500.0, 6.7, 1430, 8
 TIMES_PS = START_PS + STEP_PS * np.arange(SAMPLES)
 REFERENCE_WINDOW_PS = (6700.0, 8300.0)
-ECHO_LAG_PS = 2840.0  # the interval between the pulses is the light's way to the target and back, less this
+ECHO_LAG_PS = 2840.0  # the interval between the pulses is the light's path to the target and back, less this
 SETTLE_S = 0.1
 
 
@@ -76,14 +76,14 @@ class Bench:
         self.clock.sleep(SETTLE_S)
 
     def skip(self, records: int) -> None:
-        """Let as much of the measurement pass as some records take."""
+        """Let the time of some records pass."""
         self._number += records
 
     def take(self, sweeps: int = SWEEPS, samples: int = SAMPLES) -> tuple[FloatArray, Truth]:
-        """Take one record: trace (S,) in mV, and what it should have given."""
+        """Take one record: trace (S,) in mV, and the true result."""
         self._number += 1
         key = (self._number, 0, 0, 0)
-        wanted = Acquisition(key, self.clock.now(), PRF_HZ, START_PS, STEP_PS, samples, sweeps, 16, True)
+        wanted = Acquisition(key, self.clock.now(), PRF_HZ, START_PS, STEP_PS, samples, sweeps, 16, gate_open=True)
         sums = self.optics.acquire(wanted)
         trace_mv = (sums / sweeps - self.settings.code_of_zero) * self.settings.mv_per_code
         return trace_mv, self.optics.truth[key[:3]]

@@ -38,8 +38,8 @@ def _trace(seed: int) -> Part:
     echo = np.where(TIMES_PS > 9500, trace_mv, 0.0)
     rise_ps, fwhm_ps = _edges(echo)
     checks = [
-        Check("rise time of the response (ps, S 2.5)", "210", rise_ps, 200, 220),
-        Check("FWHM of the response (ps, S 2.5)", "about 600", fwhm_ps, 580, 620),
+        Check("rise time of the response (ps, section 2.5)", "210", rise_ps, 200, 220),
+        Check("FWHM of the response (ps, section 2.5)", "about 600", fwhm_ps, 580, 620),
         Check("FWHM of the stretched pulse (ms, fig 2.6)", "1.12", fwhm_ps * 1e-9 * STRETCH, 1.05, 1.19),
         Check("time stretch (1e6, eq 2.3)", "1.866", STRETCH / 1e6, 1.86, 1.87),
         Check("overshoot after the pulse, share of its peak (fig 2.6)", "small", -echo.min() / echo.max(), 0.01, 0.1),
@@ -76,7 +76,7 @@ def _walk(seed: int) -> Part:
         Check(
             "largest error at 1 m, 25 mV and above (mm, fig 2.15)", "within 1", float(np.abs(at_1_m[above]).max()), 0, 1
         ),
-        Check("walk at 65 against 95 cm, largest difference (mm, S 2.6.2)", "none", between, 0, 0.1),
+        Check("walk at 65 against 95 cm, largest difference (mm, section 2.6.2)", "none", between, 0, 0.1),
     ]
     figure, ax = axes("Response of the photodiode (mV)", "Measurement error (mm)", (15, 65), (-2, 7))
     for distance_mm, errors in curves.items():
@@ -106,7 +106,7 @@ def _overlap(seed: int) -> Part:
     echo = np.where(TIMES_PS > 9500, np.mean([far.take()[0] for _ in range(200)], axis=0), 0.0)
     begins = TIMES_PS[np.argmax(echo > 0.02 * echo.max())]
     limit_cm = 100.0 - (begins - busy) * 0.299792458 / 2 / 10
-    return Part([Check("reference and echo overlap below (cm, S 2.6.2)", "62", float(limit_cm), 60, 64)], {})
+    return Part([Check("reference and echo overlap below (cm, section 2.6.2)", "62", float(limit_cm), 60, 64)], {})
 
 
 def _spectrum(seed: int) -> Part:

@@ -1,4 +1,4 @@
-"""`Check`: one value of the dissertation, what the simulator gives for it, and whether that will do."""
+"""`Check`: one value of the dissertation, the simulator's value, and whether it is within tolerance."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class Check:
     name : str
         Quantity with its unit and the figure or section.
     dissertation : str
-        What the dissertation states.
+        Value in the dissertation.
     simulator : float
-        What the simulator gives.
+        Value of the simulator.
     low, high : float
         Bounds within which it passes.
     """
@@ -48,7 +48,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Part:
-    """What one part of the validation found: ``checks``, and drawn ``pictures`` by file stem with their caption."""
+    """Result of one part of the validation: ``checks``, and drawn ``pictures`` by file stem with their caption."""
 
     checks: list[Check]
     pictures: dict[str, tuple[str, Figure]]

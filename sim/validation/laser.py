@@ -3,50 +3,81 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from picoradar.sim.physics import LaserPulse, Transmitter
+from picoradar.sim.physics import FloatArray, LaserPulse, Transmitter
 from picoradar.sim.settings import SimulationSettings
 from picoradar.sim.validation.figures import Check, Part, axes
+
+VOLTS = np.arange(240.0, 330.5, 1.0)
+DEGC = np.arange(17.0, 25.01, 0.05)
+CURRENT_PULSES = ((20e3, 19.64, 2.88, 2.41), (80e3, 19.72, 2.83, 2.39))  # rate, peak, FWHM and rise time of figure 2.7
 
 
 def laser() -> Part:
     """Compare pulses of current and light with sections 2.3 and 2.6.1."""
     settings = SimulationSettings()
     transmitter = Transmitter(settings)
-    slow, fast = transmitter.pulse(290.0, 23.0, 20e3), transmitter.pulse(290.0, 23.0, 80e3)
-    volts = np.arange(240.0, 330.5, 1.0)
-    degc = np.arange(17.0, 25.01, 0.05)
-    by_volts = [transmitter.pulse(v, 23.0) for v in volts]
-    by_degc = [transmitter.pulse(290.0, t) for t in degc]
-    power_v, width_v, rise_v = _columns(by_volts)
-    power_t, width_t, rise_t = _columns(by_degc)
-    weak = transmitter.misfire(240.0, 4500.0)
-    mean_mw = fast.energy_pj * 1e-9 * 80e3 * settings.exit_transmission
-    by_degree = -np.diff([transmitter.pulse(290.0, t).fwhm_ps for t in np.arange(17.0, 25.5)])
-    step = (volts >= 270) & (volts <= 290)
-
+    by_volts = _columns([transmitter.pulse(v, 23.0) for v in VOLTS])
+    by_degc = _columns([transmitter.pulse(290.0, t) for t in DEGC])
     checks = [
-        Check("peak power at 290 V, 23 degC, 80 kHz (W, S 2.6.1)", "128.2", fast.peak_w, 126.2, 130.2),
-        Check("peak power at 20 kHz (W, S 2.6.1)", "127.9", slow.peak_w, 125.9, 129.9),
+        *_pulse_checks(transmitter, settings.exit_transmission),
+        *_voltage_checks(*by_volts),
+        *_temperature_checks(transmitter, by_degc[0]),
+        *_current_checks(transmitter),
+    ]
+    pictures = {
+        "fig_2_05": ("2.5: laser pulses at low and high injection", _pulse_picture(transmitter)),
+        "fig_2_07": ("2.7: current pulses at 20 and 80 kHz", _current_picture(transmitter)),
+        **_voltage_pictures(*by_volts),
+        **_temperature_pictures(*by_degc),
+    }
+    return Part(checks, pictures)
+
+
+def _pulse_checks(transmitter: Transmitter, exit_transmission: float) -> list[Check]:
+    slow, fast = transmitter.pulse(290.0, 23.0, 20e3), transmitter.pulse(290.0, 23.0, 80e3)
+    weak = transmitter.misfire(240.0, 4500.0)
+    mean_mw = fast.energy_pj * 1e-9 * 80e3 * exit_transmission
+    return [
+        Check("peak power at 290 V, 23 degC, 80 kHz (W, section 2.6.1)", "128.2", fast.peak_w, 126.2, 130.2),
+        Check("peak power at 20 kHz (W, section 2.6.1)", "127.9", slow.peak_w, 125.9, 129.9),
         Check("FWHM of the laser pulse (ps, fig 2.5)", "44", fast.fwhm_ps, 42, 46),
-        Check("rise time of the laser pulse (ps, S 2.3)", "32", fast.rise_ps, 30, 34),
+        Check("rise time of the laser pulse (ps, section 2.3)", "32", fast.rise_ps, 30, 34),
         Check("FWHM at low injection (ps, fig 2.5)", "637", weak.fwhm_ps, 617, 657),
         Check("peak power at low injection (W, fig 2.5)", "a few", weak.peak_w, 1, 4),
-        Check("emission after the trigger (ns, S 2.3)", "about 4.5", fast.delay_ps / 1e3, 4.3, 4.7),
-        Check("mean optical power at the exit (mW, S 2.3)", "0.3", mean_mw, 0.28, 0.32),
-        Check("peak power at 240 V (W, fig 2.8)", "small", power_v[0], 0, 10),
-        Check("peak power at 330 V (W, fig 2.8)", "about 180", power_v[-1], 170, 190),
-        Check("rise of peak power 270-290 V, share of 240-330 V (fig 2.8)", "large", _share(power_v, step), 0.5, 1),
-        Check("fall of FWHM 270-290 V, share of 240-330 V (fig 2.9)", "abrupt", _share(width_v, step), 0.5, 1),
-        Check("rise time at 250 V (ps, fig 2.10)", "80 at the most", float(rise_v[10]), 30, 85),
-        Check("rise time at 330 V (ps, fig 2.10)", "30 or more", float(rise_v[-1]), 29.5, 32),
-        Check("best temperature at 290 V (degC, fig 2.11)", "23", float(degc[power_t.argmax()]), 22.5, 23.5),
-        Check("peak power at 25 degC over the best (fig 2.11)", "drops gradually", power_t[-1] / power_t.max(), 0.8, 1),
-        Check("largest fall of FWHM from (degC, fig 2.12)", "20", float(17 + by_degree.argmax()), 20, 20),
-        Check("FWHM falls all the way (least fall, ps/degC, fig 2.12)", "continuously", by_degree.min(), 0, 100),
+        Check("emission after the trigger (ns, section 2.3)", "about 4.5", fast.delay_ps / 1e3, 4.3, 4.7),
+        Check("mean optical power at the exit (mW, section 2.3)", "0.3", mean_mw, 0.28, 0.32),
     ]
-    pictures = {}
-    for prf_hz, peak, fwhm, rise in ((20e3, 19.64, 2.88, 2.41), (80e3, 19.72, 2.83, 2.39)):
+
+
+def _voltage_checks(power_w: FloatArray, width_ps: FloatArray, rise_ps: FloatArray) -> list[Check]:
+    step = (VOLTS >= 270) & (VOLTS <= 290)
+    return [
+        Check("peak power at 240 V (W, fig 2.8)", "small", power_w[0], 0, 10),
+        Check("peak power at 330 V (W, fig 2.8)", "about 180", power_w[-1], 170, 190),
+        Check("rise of peak power 270-290 V, share of 240-330 V (fig 2.8)", "large", _share(power_w, step), 0.5, 1),
+        Check("fall of FWHM 270-290 V, share of 240-330 V (fig 2.9)", "abrupt", _share(width_ps, step), 0.5, 1),
+        Check("rise time at 250 V (ps, fig 2.10)", "80 at the most", float(rise_ps[10]), 30, 85),
+        Check("rise time at 330 V (ps, fig 2.10)", "30 or more", float(rise_ps[-1]), 29.5, 32),
+    ]
+
+
+def _temperature_checks(transmitter: Transmitter, power_w: FloatArray) -> list[Check]:
+    best_degc, drop = float(DEGC[power_w.argmax()]), power_w[-1] / power_w.max()
+    by_degree = -np.diff([transmitter.pulse(290.0, t).fwhm_ps for t in np.arange(17.0, 25.5)])
+    return [
+        Check("best temperature at 290 V (degC, fig 2.11)", "23", best_degc, 22.5, 23.5),
+        Check("peak power at 25 degC over the best (fig 2.11)", "drops gradually", drop, 0.8, 1),
+        Check("largest fall of FWHM from (degC, fig 2.12)", "20", float(17 + by_degree.argmax()), 20, 20),
+        Check("smallest fall of FWHM (ps/degC, fig 2.12)", "falls continuously", by_degree.min(), 0, 100),
+    ]
+
+
+def _current_checks(transmitter: Transmitter) -> list[Check]:
+    checks = []
+    for prf_hz, peak, fwhm, rise in CURRENT_PULSES:
         current = transmitter.current(290.0, 23.0, prf_hz)
         khz = f"{prf_hz / 1e3:.0f} kHz"
         checks += [
@@ -55,8 +86,11 @@ def laser() -> Part:
             Check(f"current rise time at {khz} (ns, fig 2.7)", f"{rise}", current.rise_ns, rise - 0.03, rise + 0.03),
         ]
     lag_ns = transmitter.current(290.0, 23.0, 80e3).delay_ns
-    checks.append(Check("delay between the current pulses (ns, fig 2.7)", "0.2", lag_ns, 0.18, 0.22))
+    return [*checks, Check("delay between the current pulses (ns, fig 2.7)", "0.2", lag_ns, 0.18, 0.22)]
 
+
+def _pulse_picture(transmitter: Transmitter) -> Figure:
+    fast, weak = transmitter.pulse(290.0, 23.0, 80e3), transmitter.misfire(240.0, 4500.0)
     figure, ax = axes("Time (ns)", "Optical power (W)", (22, 30), (0, 140))
     time_ns = np.linspace(22, 30, 4000)
     ax.plot(time_ns, _gauss(time_ns, 25.0, fast), label=f"high injection, FWHM {fast.fwhm_ps:.0f} ps")
@@ -65,44 +99,55 @@ def laser() -> Part:
     right.set_ylim(0, 3)
     right.plot(time_ns, _gauss(time_ns, 27.5, weak), "C1")
     ax.legend(loc="upper right", fontsize=8)
-    pictures["fig_2_05"] = ("2.5: laser pulses at low and high injection", figure)
+    return figure
 
+
+def _current_picture(transmitter: Transmitter) -> Figure:
     figure, ax = axes("Time (ns)", "Current (A)", (0, 12), (0, 22))
-    for prf_hz in (20e3, 80e3):
+    for prf_hz, *_ in CURRENT_PULSES:
         current = transmitter.current(290.0, 23.0, prf_hz)
         time_ns = np.linspace(0, 12, 600)
         ax.plot(time_ns, [current.at(t - 5 - current.delay_ns) for t in time_ns], label=f"{prf_hz / 1e3:.0f} kHz")
     ax.legend()
-    pictures["fig_2_07"] = ("2.7: current pulses at 20 and 80 kHz", figure)
+    return figure
 
-    curves = (
-        ("fig_2_08", "2.8: peak power against supply voltage", "Peak power (W)", (0, 200), power_v),
-        ("fig_2_09", "2.9: FWHM against supply voltage", "FWHM (ps)", (30, 140), width_v),
-        ("fig_2_10", "2.10: rise time against supply voltage", "Rise time (ps)", (30, 80), rise_v),
-    )
-    for stem, caption, label, limits, values in curves:
+
+def _voltage_pictures(power_w: FloatArray, width_ps: FloatArray, rise_ps: FloatArray) -> dict[str, tuple[str, Figure]]:
+    pictures = {}
+    for stem, caption, label, limits, values in (
+        ("fig_2_08", "2.8: peak power against supply voltage", "Peak power (W)", (0, 200), power_w),
+        ("fig_2_09", "2.9: FWHM against supply voltage", "FWHM (ps)", (30, 140), width_ps),
+        ("fig_2_10", "2.10: rise time against supply voltage", "Rise time (ps)", (30, 80), rise_ps),
+    ):
         figure, ax = axes("Supply voltage (V)", label, (240 if stem == "fig_2_08" else 250, 330), limits)
-        ax.plot(volts, values)
+        ax.plot(VOLTS, values)
         pictures[stem] = (caption, figure)
-    figure, ax = axes("Temperature (degC)", "Peak power (W)", (17, 25), (0, 140))
-    ax.plot(degc, power_t)
-    pictures["fig_2_11"] = ("2.11: peak power against temperature", figure)
-    figure, ax = axes("Temperature (degC)", "FWHM and rise time (ps)", (19, 25), (20, 120))
-    ax.plot(degc, width_t, label="FWHM")
-    ax.plot(degc, rise_t, label="rise time")
+    return pictures
+
+
+def _temperature_pictures(
+    power_w: FloatArray, width_ps: FloatArray, rise_ps: FloatArray
+) -> dict[str, tuple[str, Figure]]:
+    power, ax = axes("Temperature (degC)", "Peak power (W)", (17, 25), (0, 140))
+    ax.plot(DEGC, power_w)
+    times, ax = axes("Temperature (degC)", "FWHM and rise time (ps)", (19, 25), (20, 120))
+    ax.plot(DEGC, width_ps, label="FWHM")
+    ax.plot(DEGC, rise_ps, label="rise time")
     ax.legend()
-    pictures["fig_2_12"] = ("2.12: FWHM and rise time against temperature", figure)
-    return Part(checks, pictures)
+    return {
+        "fig_2_11": ("2.11: peak power against temperature", power),
+        "fig_2_12": ("2.12: FWHM and rise time against temperature", times),
+    }
 
 
-def _columns(pulses: list[LaserPulse]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _columns(pulses: list[LaserPulse]) -> tuple[FloatArray, FloatArray, FloatArray]:
     table = np.array([(pulse.peak_w, pulse.fwhm_ps, pulse.rise_ps) for pulse in pulses])
     return table[:, 0], table[:, 1], table[:, 2]
 
 
-def _share(values: np.ndarray, part: np.ndarray) -> float:
+def _share(values: FloatArray, part: NDArray[np.bool_]) -> float:
     return float(np.ptp(values[part]) / np.ptp(values))
 
 
-def _gauss(time_ns: np.ndarray, centre_ns: float, pulse: LaserPulse) -> np.ndarray:
+def _gauss(time_ns: FloatArray, centre_ns: float, pulse: LaserPulse) -> FloatArray:
     return np.asarray(pulse.peak_w * np.exp(-4 * np.log(2) * ((time_ns - centre_ns) * 1e3 / pulse.fwhm_ps) ** 2))

@@ -12,7 +12,7 @@ from picoradar.sim.validation.figures import Check, Part, axes
 DISTANCE_MM = 900.0
 COLUMNS, ROWS = 81, 41  # 0.5 mm and 1 mm in the base: 1 mm and 1 mm in height and along the ridge
 MARGIN_MM = 0.6  # the whole spot, 0.5 mm of radius and 0.1 mm of pointing error, is on the body
-DENSITY = 4  # the registration takes a model this many times as fine, lest points catch on points
+DENSITY = 4  # the registration takes a model this many times as fine, so that points do not lock onto points
 ITERATIONS = 60
 START_DEG, START_MM = 4.0, 14.0
 SUPPRESSION_RUNS, SUPPRESSION_DEG, SUPPRESSION_MM = 6, 2.5, 1.4  # table 4.3

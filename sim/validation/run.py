@@ -41,7 +41,7 @@ class Report(TypedDict):
 
 
 def validate(out_dir: str | Path, seed: int = SEED, progress: Callable[[str], None] = lambda _part: None) -> Report:
-    """Compare the simulator with the dissertation, figure by figure, and write one page about it.
+    """Compare the simulator with the dissertation, figure by figure, and write a report of one page.
 
     Parameters
     ----------

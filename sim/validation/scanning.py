@@ -26,9 +26,9 @@ def scanning(seed: int) -> Part:
     without_mm = np.array([drift.at(t) - drift.at(0.0) for t in times_s]) * LIGHT_MM_PER_PS / 2
     with_mm = np.array([drift.at(t + 7e-3) - drift.at(t) for t in times_s]) * LIGHT_MM_PER_PS / 2
     checks = [
-        Check("beam position at 1 mm steps (mm at 1 m, 99 %, S 2.6.2)", "0.1", _bound(step_mm), 0.05, 0.13),
+        Check("beam position at 1 mm steps (mm at 1 m, 99 %, section 2.6.2)", "0.1", _bound(step_mm), 0.05, 0.13),
         Check(
-            "beam position at 40 mm of fly-back (mm at 1 m, mean after 2 ms, S 2.6.2)",
+            "beam position at 40 mm of fly-back (mm at 1 m, mean after 2 ms, section 2.6.2)",
             "0.5",
             _mean(flyback_mm),
             0.2,
@@ -49,7 +49,11 @@ def scanning(seed: int) -> Part:
             1.001,
         ),
         Check(
-            "drift in 18 min without reference (largest, mm, S 2.5)", "too much", float(np.abs(without_mm).max()), 1, 20
+            "drift in 18 min without reference (mm, section 2.5)",
+            "too much",
+            float(np.abs(without_mm).max()),
+            1,
+            20,
         ),
         Check("drift between reference and echo (largest, mm)", "cancels", float(np.abs(with_mm).max()), 0, 0.01),
     ]
@@ -57,7 +61,7 @@ def scanning(seed: int) -> Part:
     ax.plot(times_s / 60, without_mm, label="reference measured once")
     ax.plot(times_s / 60, with_mm, label="reference in every record")
     ax.legend()
-    return Part(checks, {"drift": ("S 2.5: why the attempt without a reference failed", figure)})
+    return Part(checks, {"drift": ("section 2.5: why the attempt without a reference failed", figure)})
 
 
 def _errors_mm(seed: int, places_mm: list[float]) -> np.ndarray:

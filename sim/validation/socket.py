@@ -13,29 +13,35 @@ HALF_MM, STEP_MM = 19.5, 1.5
 
 def socket(seed: int) -> Part:
     """Compare the responses of a moist bone at 90 cm and of a wet socket with a clot at 85 cm."""
-    cadaver, patient = _responses(seed, 900.0, False), _responses(seed, 850.0, True)
+    cadaver, patient = _responses(seed, 900.0, surgical=False), _responses(seed, 850.0, surgical=True)
     bone = cadaver[cadaver > 0]
     echoing = patient[patient > 12.0]
     silent_mm2 = _silent_area(seed)
     low, high = (float(np.percentile(bone, share)) for share in (1, 99))
     wet_low, wet_high = (float(np.percentile(echoing, share)) for share in (1, 99))
     checks = [
-        Check("least response of the socket at 90 cm (mV, 1st percentile, fig 4.17)", "32", low, 25, 45),
-        Check("largest response of the socket at 90 cm (mV, 99th percentile, fig 4.17)", "58", high, 50, 66),
-        Check("least response of the patient's socket at 85 cm (mV, 1st percentile, S 5.2)", "35", wet_low, 25, 45),
-        Check("largest response of the patient's socket at 85 cm (mV, 99th percentile, S 5.2)", "67", wet_high, 58, 75),
+        Check("smallest response of the socket at 90 cm (mV, 1 %, fig 4.17)", "32", low, 25, 45),
+        Check("largest response of the socket at 90 cm (mV, 99 %, fig 4.17)", "58", high, 50, 66),
+        Check("smallest response of the patient's socket at 85 cm (mV, 1 %, section 5.2)", "35", wet_low, 25, 45),
+        Check(
+            "largest response of the patient's socket at 85 cm (mV, 99 %, section 5.2)",
+            "67",
+            wet_high,
+            58,
+            75,
+        ),
         Check("share of the socket at 85-90 cm with 30 to 70 mV", "all", _share(bone, echoing), 0.97, 1),
-        Check("area without an echo in the fossa (mm^2, S 5.2)", "about 4", silent_mm2, 1, 8),
+        Check("area without an echo in the fossa (mm^2, section 5.2)", "about 4", silent_mm2, 1, 8),
     ]
     figure, ax = axes("Time (ns)", "Response (mV)", (10.0, 14.0), (-10, 70))
-    for response_mv, label in ((high, "largest"), (low, "least")):
+    for response_mv, label in ((high, "largest"), (low, "smallest")):
         trace_mv = _trace_near(seed, response_mv)
         ax.plot(TIMES_PS * 1e-3, trace_mv, lw=0.8, label=f"{label}: {response_mv:.0f} mV")
     ax.legend()
-    return Part(checks, {"fig_4_17": ("4.17: largest and least response of the socket at 90 cm", figure)})
+    return Part(checks, {"fig_4_17": ("4.17: largest and smallest response of the socket at 90 cm", figure)})
 
 
-def _scan(seed: int, distance_mm: float, surgical: bool) -> tuple[Bench, list[tuple[float, float, float]]]:
+def _scan(seed: int, distance_mm: float, *, surgical: bool) -> tuple[Bench, list[tuple[float, float, float]]]:
     bench = Bench(seed, target="hip", distance_mm=distance_mm, surgical=surgical)
     seen = []
     for y_mm in np.arange(-HALF_MM, HALF_MM + 0.1, STEP_MM):
@@ -46,20 +52,20 @@ def _scan(seed: int, distance_mm: float, surgical: bool) -> tuple[Bench, list[tu
     return bench, seen
 
 
-def _responses(seed: int, distance_mm: float, surgical: bool) -> FloatArray:
-    return np.array([response for _, _, response in _scan(seed, distance_mm, surgical)[1]])
+def _responses(seed: int, distance_mm: float, *, surgical: bool) -> FloatArray:
+    return np.array([response for _, _, response in _scan(seed, distance_mm, surgical=surgical)[1]])
 
 
 def _trace_near(seed: int, response_mv: float) -> FloatArray:
-    """Trace of the place whose response is nearest to a value."""
-    bench, seen = _scan(seed, 900.0, False)
+    """Trace of the point whose response is nearest to a value."""
+    bench, seen = _scan(seed, 900.0, surgical=False)
     x_mm, y_mm, _ = min(seen, key=lambda place: abs(place[2] - response_mv))
     bench.aim(x_mm / 900.0, y_mm / 900.0)
     return np.asarray(np.mean([bench.take()[0] for _ in range(8)], axis=0))
 
 
 def _silent_area(seed: int) -> float:
-    """Area (mm^2) within 5 mm of the floor of the fossa that sends next to nothing back, on a grid of 0.25 mm."""
+    """Area (mm^2) within 5 mm of the floor of the fossa that sends almost nothing back, on a grid of 0.25 mm."""
     bench = Bench(seed, target="hip", distance_mm=850.0, surgical=True, repeatability_deg=0.0, spot_diameter_mm=0.0)
     pose = bench.scene.scanner_from_model
     fossa = pose[:3, :3] @ FOSSA_MM + pose[:3, 3]
