@@ -16,6 +16,7 @@ from picoradar.sim.firmware.genesys import GenesysFirmware
 from picoradar.sim.firmware.helios import HeliosFirmware
 from picoradar.sim.firmware.mecom import TecFirmware
 from picoradar.sim.firmware.oscilloscope import OscilloscopeFirmware
+from picoradar.sim.firmware.tc200 import Tc200Firmware
 from picoradar.sim.operator import clicks, scale_reading
 from picoradar.sim.physics import (
     DiodeBlock,
@@ -56,7 +57,7 @@ class SimulatedBench:
     Attributes
     ----------
     urls : dict
-        URL of each serial device by its name (``dg645``, ``genesys``, ``tec``).
+        URL of each serial device by its name: ``dg645``, ``genesys``, and ``tec`` or ``tc200``.
     target, bare_target : Target
         The target in front of the scanner, and the same without tissue and instruments: the preoperative model.
     usb_backend : SimUsbBackend
@@ -120,8 +121,17 @@ class SimulatedBench:
         self.truth = BenchTruth(self.optics)
 
         self._scale_readings = 0
+        self._connect()
+
+    def _connect(self) -> None:
+        """Connect every firmware to its port, through a tap for injected faults."""
+        controller = self.settings.temperature_controller
+        serial: dict[str, SerialFirmware] = {
+            "dg645": self.dg645,
+            "genesys": self.genesys,
+            controller: self.tec if controller == "tec" else Tc200Firmware(self.clock, self.heat_pump),
+        }
         name = new_bench_name()
-        serial: dict[str, SerialFirmware] = {"dg645": self.dg645, "genesys": self.genesys, "tec": self.tec}
         self.serial_taps = {device: SerialTap(firmware) for device, firmware in serial.items()}
         self.wires = {device: SerialWire(tap, self.clock) for device, tap in self.serial_taps.items()}
         self.urls = {device: publish(name, device, wire) for device, wire in self.wires.items()}

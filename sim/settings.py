@@ -6,6 +6,8 @@ measured figures; ``docs/physics.md`` says which is which.
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import BaseModel, ConfigDict, Field
 
 Pose = tuple[float, float, float, float, float, float]
@@ -128,6 +130,7 @@ class SimulationSettings(BaseModel):
     creep_time_ms: float = Field(5.0, gt=0, le=1000, description="Time constant of that creep")
 
     # Diode block
+    temperature_controller: Literal["tec", "tc200"] = Field("tec", description="Controller on the diode block")
     ambient_degc: float = Field(20.5, ge=0, le=40, description="Air around the bench, and start of everything")
     block_capacity_j_per_k: float = Field(60.0, gt=0, le=5000, description="Heat capacity of diode block and diode")
     block_conductance_w_per_k: float = Field(0.5, gt=0, le=50, description="Peltier element and mount to the heat sink")

@@ -10,12 +10,12 @@ from picoradar.drivers.interfaces import Device, Galvo, Identity, Pulser, Sample
 
 @dataclass
 class Bench:
-    """What the controller drives.
+    """The devices that the controller drives.
 
     Attributes
     ----------
     clock : Clock
-        The time that all of them share.
+        Time of all devices.
     pulser, diode, galvo, sampler
         Trigger and drive supply; temperature of the laser diode; mirrors; sampling bridge with the gate.
     """
@@ -30,7 +30,7 @@ class Bench:
         """Get all devices by name, in the order in which they are opened: the gate's owner first."""
         return {"sampler": self.sampler, "pulser": self.pulser, "diode": self.diode, "galvo": self.galvo}
 
-    def blamed(self, error: BaseException) -> str:
+    def suspected(self, error: BaseException) -> str:
         """Get the name of the device whose link an error names; empty when it names none."""
         about = getattr(error, "device", None)
         for name, device in self.devices().items():
@@ -39,5 +39,5 @@ class Bench:
         return ""
 
     def identify(self) -> dict[str, Identity]:
-        """Get who answers on each link."""
+        """Get the identity of each device."""
         return {name: device.identify() for name, device in self.devices().items()}

@@ -1,6 +1,6 @@
-"""What the doctor asks each device after it has opened it: faults, and whether it can do what the settings ask for.
+"""The doctor's checks of each device after opening it: faults, and whether it can do what the settings ask for.
 
-Each check yields one line for each thing that is wrong: what it is, then what to do.
+Each check yields one line per problem: what it is, then what to do.
 """
 
 from __future__ import annotations
@@ -15,12 +15,13 @@ from picoradar.drivers.helios import Helios
 from picoradar.drivers.interfaces import Sampler, SweepSettings
 from picoradar.drivers.mecom import Tec
 from picoradar.drivers.oscilloscope import Oscilloscope
+from picoradar.drivers.tc200 import TC200, Mode
 from picoradar.instrument.settings import Settings
 
 SUPPLY_FAULTS = {
     Fault.AC_FAIL: "mains failure: check the mains",
     Fault.OVER_TEMPERATURE: "too hot: let it cool, free its air inlets",
-    Fault.FOLDBACK: "current limit has shut it down: check the pulser's load",
+    Fault.FOLDBACK: "the current limit has shut it down: check the pulser's load",
     Fault.OVER_VOLTAGE: "over-voltage has tripped: find the cause, switch the supply off and on",
     Fault.SHUT_OFF: "shut off at its rear connector: close the shut-off contact",
     Fault.PANEL_OFF: "switched off at its front panel: press OUT there",
@@ -54,13 +55,25 @@ def temperature(device: Tec, settings: Settings, *, acknowledge: bool) -> Iterat
         device.reset()
     status = device.status()
     if status.problem:
-        yield f"{status.problem}: find the cause, then picoradar doctor --acknowledge (resets it)"
+        yield f"{status.problem}: find the cause, then picoradar doctor --acknowledge resets it"
     target = settings.diode.target_degc
     minimum, maximum = device.lower_threshold_degc, device.upper_threshold_degc
     if not minimum < target < maximum:
         yield f"its error thresholds are {minimum:g} to {maximum:g} degC, the target is {target:g} degC: set them wider"
     if device.current_limit_a <= 0:
         yield "its current limit is 0 A, so it cannot regulate: set the limit of your Peltier element"
+
+
+def heater(device: TC200, settings: Settings) -> Iterator[str]:
+    """Check the temperature controller TC200, which can only heat."""
+    target, largest = settings.diode.target_degc, device.largest_degc
+    if target > largest:
+        yield f"its largest temperature is {largest:g} degC, the target is {target:g} degC: set its tmax higher"
+    if device.mode is not Mode.NORMAL:
+        yield "it is in cycle mode: set it to normal mode"
+    ambient = device.temperature_degc
+    if ambient > target:
+        yield f"the diode is at {ambient:.1f} degC, the target is {target:g} degC: it can only heat; cool the room"
 
 
 def galvo(device: Helios) -> Iterator[str]:
@@ -77,7 +90,7 @@ def bridge(device: SamplingBridge, settings: Settings, *, acknowledge: bool) -> 
     if not status.interlock_closed:
         yield "interlock open: close lid and key switch"
     if status.gate == "locked":
-        yield "gate is locked since its watchdog or the interlock tripped: picoradar doctor --acknowledge (unlocks it)"
+        yield "gate is locked since its watchdog or the interlock tripped: picoradar doctor --acknowledge unlocks it"
     elif status.problem:
         yield f"{status.problem}: run the doctor again; if it comes back, see docs/devices.md"
     yield from _sampling(device, settings)
@@ -91,7 +104,7 @@ def oscilloscope(device: Oscilloscope, settings: Settings) -> Iterator[str]:
 
 
 def _sampling(device: Sampler, settings: Settings) -> Iterator[str]:
-    """Try whether the device can sample as the settings ask."""
+    """Check whether the device can sample as the settings ask."""
     sampler = settings.sampler
     try:
         device.configure(

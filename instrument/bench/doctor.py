@@ -1,4 +1,4 @@
-"""Examines every device of a bench on its own: who answers, in what state, within what limits. The laser stays off.
+"""Examines every device of a bench by itself: identity, state and limits. The laser stays off.
 
 Opening a device brings it to its safe state, which its driver verifies; nothing that could give light is switched on.
 """
@@ -25,7 +25,7 @@ _Device = TypeVar("_Device", bound=Device)
 
 
 class _UsbWire(Protocol):
-    """A wire module, which knows by which numbers its device is found."""
+    """A wire module with the USB identity of its device."""
 
     VENDOR_ID: int
     PRODUCT_ID: int
@@ -33,14 +33,14 @@ class _UsbWire(Protocol):
 
 @dataclass(frozen=True)
 class Finding:
-    """What the doctor says of one device.
+    """Result of the examination of one device.
 
     Attributes
     ----------
     name : str
         As in the settings.
     identity : str
-        Model, serial number and firmware; empty when nobody answered.
+        Model, serial number and firmware; empty when it did not answer.
     link : str
         How it is reached.
     problem : str
@@ -64,7 +64,7 @@ def examine(settings: Settings, make: DeviceMaker, *, acknowledge: bool = False)
     Parameters
     ----------
     settings : Settings
-        What the devices will be asked for in a scan.
+        What a scan will ask of the devices.
     make : DeviceMaker
     acknowledge : bool
         Clear what a person has to acknowledge once its cause is gone: the lock-out of the bridge's gate, an error of
@@ -73,21 +73,24 @@ def examine(settings: Settings, make: DeviceMaker, *, acknowledge: bool = False)
     Yields
     ------
     Finding
-        One a device, as soon as it is known.
+        One per device, as soon as it is known.
     """
     links = make.links
     yield _serial(make, "dg645", links.dg645, links.dg645_baud, make.dg645, checks.generator)
     yield _serial(
         make, "genesys", links.genesys, links.genesys_baud, make.genesys, lambda d: checks.supply(d, settings)
     )
-    yield _serial(
-        make,
-        "tec",
-        links.tec,
-        links.tec_baud,
-        make.tec,
-        lambda d: checks.temperature(d, settings, acknowledge=acknowledge),
-    )
+    if links.temperature == "tc200":
+        yield _serial(make, "tc200", links.tc200, links.tc200_baud, make.tc200, lambda d: checks.heater(d, settings))
+    else:
+        yield _serial(
+            make,
+            "tec",
+            links.tec,
+            links.tec_baud,
+            make.tec,
+            lambda d: checks.temperature(d, settings, acknowledge=acknowledge),
+        )
     yield _examined("helios", _usb(helios_wire, links.usb_backend), make.helios, checks.galvo)[0]
     yield _examined(
         "bridge",
@@ -101,7 +104,7 @@ def examine(settings: Settings, make: DeviceMaker, *, acknowledge: bool = False)
 
 
 def _usb(wire: _UsbWire, backend: str) -> str:
-    """Say how a USB device is reached."""
+    """Describe how a USB device is reached."""
     through = f" through {backend}" if backend else ""
     return f"USB {wire.VENDOR_ID:04x}:{wire.PRODUCT_ID:04x}{through}"
 
@@ -114,7 +117,7 @@ def _serial(
     maker: Callable[[], _Device],
     check: Callable[[_Device], Iterator[str]],
 ) -> Finding:
-    """Examine a device on a serial port; when it does not answer, find out who does."""
+    """Examine a device on a serial port; when it does not answer, find out what does."""
     finding, error = _examined(name, url, maker, check)
     if not isinstance(error, (Timeout, ProtocolError)):
         return finding
@@ -122,7 +125,7 @@ def _serial(
     if answer is None:
         return finding
     if answer.kind != name:
-        found = f"a {answer.kind} answers on this port: links.{name} and links.{answer.kind} seem to be exchanged"
+        found = f"a {answer.kind} answers on this port: links.{name} and links.{answer.kind} seem to be swapped"
     elif answer.baud not in (None, baud):
         found = f"it answers at {answer.baud} baud: set links.{name}_baud = {answer.baud}"
     else:
@@ -133,7 +136,7 @@ def _serial(
 def _examined(
     name: str, link: str, maker: Callable[[], _Device], check: Callable[[_Device], Iterator[str]]
 ) -> tuple[Finding, DeviceError | None]:
-    """Examine one device, and return what stopped the examination as well."""
+    """Examine one device, and return what stopped the examination."""
     identity = ""
     problems: list[str] = []
     failure: DeviceError | None = None
@@ -151,7 +154,7 @@ def _examined(
 
 @contextmanager
 def _opened(device: _Device) -> Iterator[_Device]:
-    """Open a device and close it afterwards; of two errors the first one counts."""
+    """Open a device and close it afterwards; of two errors the first one is raised."""
     try:
         device.open()
         yield device

@@ -1,12 +1,11 @@
-"""From settings to a bench: each device opened by the driver of its kind.
+"""From settings to a bench: the driver of each device, with its link.
 
-Another maker's device is one new driver module and one line here.
+Another maker's device is one new folder in ``drivers`` and one method here.
 """
 
 from __future__ import annotations
 
 import importlib
-from typing import Any
 
 from picoradar.drivers.bridge import SamplingBridge, bridge_link
 from picoradar.drivers.clock import Clock
@@ -14,17 +13,18 @@ from picoradar.drivers.dg645 import DG645
 from picoradar.drivers.errors import LinkLost
 from picoradar.drivers.genesys import Genesys
 from picoradar.drivers.helios import Helios, helios_link
-from picoradar.drivers.interfaces import Sampler
+from picoradar.drivers.interfaces import Sampler, TemperatureController
 from picoradar.drivers.links import SerialLink, Transcript, Usbtmc
 from picoradar.drivers.mecom import Tec
 from picoradar.drivers.oscilloscope import Oscilloscope, oscilloscope_link
 from picoradar.drivers.pulser import Pulser
+from picoradar.drivers.tc200 import TC200
 from picoradar.instrument.bench.bench import Bench
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.settings import Links
 
 BACKENDS = ("picoradar.sim.usb.forward:backend",)
-"""USB backends that a settings file may name: it must not run code of its choice. Empty stands for libusb."""
+"""USB backends that a settings file may name, so that it cannot run code of its own choice; empty stands for libusb."""
 
 
 class DeviceMaker:
@@ -39,7 +39,7 @@ class DeviceMaker:
     usb_backend : object, optional
         A pyusb backend; without it the one that the settings name, or libusb.
     transcript : Transcript, optional
-        Where every byte both ways is written down.
+        Records every byte in both directions.
 
     Raises
     ------
@@ -50,7 +50,7 @@ class DeviceMaker:
     """
 
     def __init__(
-        self, links: Links, clock: Clock, usb_backend: Any = None, transcript: Transcript | None = None
+        self, links: Links, clock: Clock, usb_backend: object | None = None, transcript: Transcript | None = None
     ) -> None:
         self.links = links
         self.clock = clock
@@ -67,8 +67,16 @@ class DeviceMaker:
         return Genesys(link, address=self.links.genesys_address)
 
     def tec(self) -> Tec:
-        """Make the temperature controller."""
+        """Make the temperature controller of Meerstetter."""
         return Tec(self._serial("tec", "TEC", self.links.tec, self.links.tec_baud), address=self.links.tec_address)
+
+    def tc200(self) -> TC200:
+        """Make the temperature controller of Thorlabs."""
+        return TC200(self._serial("tc200", "TC200", self.links.tc200, self.links.tc200_baud))
+
+    def diode(self) -> TemperatureController:
+        """Make the temperature controller that the settings choose."""
+        return self.tc200() if self.links.temperature == "tc200" else self.tec()
 
     def helios(self) -> Helios:
         """Make the galvo controller."""
@@ -100,13 +108,15 @@ class DeviceMaker:
         link.transcript = self._transcript
         return link
 
-    def _backend(self) -> Any:
+    def _backend(self) -> object | None:
         if self._usb_backend is None:
             self._usb_backend = named_backend(self.links.usb_backend, self.links.usb_address)
         return self._usb_backend
 
 
-def make_bench(links: Links, clock: Clock, usb_backend: Any = None, transcript: Transcript | None = None) -> Bench:
+def make_bench(
+    links: Links, clock: Clock, usb_backend: object | None = None, transcript: Transcript | None = None
+) -> Bench:
     """Make the bench's devices; nothing is opened yet.
 
     Parameters
@@ -125,13 +135,13 @@ def make_bench(links: Links, clock: Clock, usb_backend: Any = None, transcript: 
     return Bench(
         clock=clock,
         pulser=Pulser(make.dg645(), make.genesys(), clock),
-        diode=make.tec(),
+        diode=make.diode(),
         galvo=make.helios(),
         sampler=make.sampler(),
     )
 
 
-def named_backend(name: str, address: str) -> Any:
+def named_backend(name: str, address: str) -> object | None:
     """Make the pyusb backend ``module:function`` with its address; None (libusb) for an empty name.
 
     Raises
@@ -139,7 +149,7 @@ def named_backend(name: str, address: str) -> Any:
     BadInput
         When the name is none of `BACKENDS`, or the address is not host:port.
     LinkLost
-        When nobody answers at the address.
+        When nothing answers at the address.
     """
     if not name:
         return None
@@ -150,9 +160,10 @@ def named_backend(name: str, address: str) -> Any:
         )
     module, _, function = name.partition(":")
     try:
-        return getattr(importlib.import_module(module), function)(address)
+        backend: object = getattr(importlib.import_module(module), function)(address)
     except OSError as error:
         remedy = "start picoradar sim again, and use the settings file that it names"
         raise LinkLost(f"USB backend ({name})", f"cannot reach {address!r}: {error}", remedy) from error
     except ValueError as error:
         raise BadInput(f"settings: links.usb_address {address!r}: {error}; give host:port") from error
+    return backend

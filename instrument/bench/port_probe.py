@@ -1,7 +1,7 @@
-"""Finds out who answers on a serial port, when the device that should does not.
+"""Identifies the device on a serial port when the expected one does not answer.
 
-Asks each known device for its identity in its own protocol and looks for its mark in whatever comes. Only questions
-are sent, nothing is set.
+Queries the identity in the protocol of each known device and searches the answer for the mark of that device. Only
+queries are sent, nothing is set.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from picoradar.drivers.errors import DeviceError
 from picoradar.drivers.genesys import wire as genesys_wire
 from picoradar.drivers.links import SerialLink
 from picoradar.drivers.mecom import wire as mecom_wire
+from picoradar.drivers.tc200 import wire as tc200_wire
 
 QUIET_S = 0.3
 
@@ -29,9 +30,9 @@ class Kind:
     name : str
         As in the settings.
     question : bytes
-        Asks for the identity; its first byte ends what may stand half-sent on the line.
+        Queries the identity; its first byte ends a half-sent message on the line.
     mark : re.Pattern
-        What only this kind answers.
+        Part of the answer that only this kind sends.
     bauds : tuple of int
         Rates it can be set to, as shipped first.
     """
@@ -44,7 +45,7 @@ class Kind:
 
 @dataclass(frozen=True)
 class Answer:
-    """Who answers: a kind's name, and its baud rate (None: the link has none)."""
+    """The device that answers: its kind, and its baud rate (None: the link has none)."""
 
     kind: str
     baud: int | None
@@ -71,11 +72,17 @@ def kinds(genesys_address: int) -> tuple[Kind, ...]:
             re.compile(rb"![0-9A-F]{6}000004(41|43)"),  # device type 1089 or 1091
             (57600, 9600, 115200, 38400, 19200, 4800),
         ),
+        Kind(
+            "tc200",
+            tc200_wire.encode("") + tc200_wire.encode("*idn?"),
+            re.compile(rb"TC200"),
+            (115200,),
+        ),
     )
 
 
 def identify_port(url: str, clock: Clock, *, expected: str, baud: int, genesys_address: int) -> Answer | None:
-    """Ask until somebody answers; None when nobody does, or the port cannot be opened.
+    """Query the port as each kind of device until one answers; None when none does, or the port cannot be opened.
 
     Parameters
     ----------
@@ -83,9 +90,9 @@ def identify_port(url: str, clock: Clock, *, expected: str, baud: int, genesys_a
         Port or URL.
     clock : Clock
     expected : str
-        Kind that should be there; it is asked first, at all its rates.
+        Kind that should be there; it is tried first, at all its rates.
     baud : int
-        Rate of the settings, which has been tried.
+        Rate in the settings, which has been tried.
     genesys_address : int
     """
     for kind, rate in _candidates(url, expected, genesys_address):
@@ -106,7 +113,7 @@ def identify_port(url: str, clock: Clock, *, expected: str, baud: int, genesys_a
 def _candidates(url: str, expected: str, genesys_address: int) -> Iterator[tuple[Kind, int | None]]:
     known = sorted(kinds(genesys_address), key=lambda kind: kind.name != expected)
     for kind in known:
-        if "://" in url:  # rates mean nothing there
+        if "://" in url:  # such a link has no baud rate
             yield kind, None
         else:
             yield from ((kind, rate) for rate in (kind.bauds if kind.name == expected else kind.bauds[:1]))

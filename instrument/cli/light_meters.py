@@ -14,13 +14,13 @@ from picoradar.instrument.errors import BadInput
 
 DETECTOR_CHANNEL = 2  # the receiver has the first
 FULL_SCALE_V, OFFSET_V = 0.24, 0.05
-LARGEST_MW = 1000.0  # of an answer that is no slip
+LARGEST_MW = 1000.0  # a larger answer is taken for a typing error
 
 PowerReading = Callable[[str, Wait], float]
 
 
 class DetectorAndPowerMeter:
-    """A fast photodetector at channel 2 of the oscilloscope, and whatever tells the mean power at the exit."""
+    """A fast photodetector at channel 2 of the oscilloscope, and a source of readings of the mean power at the exit."""
 
     def __init__(self, scope: Oscilloscope, power: PowerReading) -> None:
         self._scope = scope
@@ -31,7 +31,7 @@ class DetectorAndPowerMeter:
         self._scope.open()
 
     def close(self) -> None:
-        """Close it."""
+        """Close the oscilloscope."""
         self._scope.close()
 
     def trace(self, sweep: SweepSettings) -> Record:
@@ -40,12 +40,12 @@ class DetectorAndPowerMeter:
         return self._scope.take(1)[0]
 
     def mean_power_mw(self, where: str, wait: Wait) -> float:
-        """Read the power meter; ``where`` names the working point, ``wait`` lets time pass with the laser on."""
+        """Read the power meter; ``where`` names the operating point, ``wait`` lets time pass with the laser on."""
         return self._power(where, wait)
 
 
 def light_meters(run: Session, person: Person) -> DetectorAndPowerMeter:
-    """Make the meters of a bench: the simulated one has a power meter of its own, else the person reads it.
+    """Make the meters of a bench: the simulated one has a power meter, otherwise the person reads one.
 
     Raises
     ------
@@ -58,15 +58,15 @@ def light_meters(run: Session, person: Person) -> DetectorAndPowerMeter:
         return DetectorAndPowerMeter(_scope(run, backend), lambda _where, _wait: monitor.mean_power_mw())
     if links.sampler == "oscilloscope":
         raise BadInput(
-            "bench transmitter looks at the laser with the oscilloscope, which takes the echoes here: "
+            "bench transmitter needs the oscilloscope for the laser pulse, but here it takes the echoes: "
             'set links.sampler = "bridge"'
         )
 
-    def asked(where: str, wait: Wait) -> float:
+    def ask_person(where: str, wait: Wait) -> float:
         question = f"The laser is on, {where}. Mean power at the exit as the power meter shows it, in mW (q: stop):"
         return person.numbers(question, ((0.0, LARGEST_MW),), wait=wait)[0]
 
-    return DetectorAndPowerMeter(_scope(run, named_backend(links.usb_backend, links.usb_address)), asked)
+    return DetectorAndPowerMeter(_scope(run, named_backend(links.usb_backend, links.usb_address)), ask_person)
 
 
 def _scope(run: Session, backend: object) -> Oscilloscope:

@@ -1,4 +1,4 @@
-"""Entry point of the command: subcommands, and one place that turns every failure into a line and an exit status."""
+"""Entry point of the command: the subcommands, and how every failure becomes one line and an exit status."""
 
 from __future__ import annotations
 
@@ -6,23 +6,24 @@ import logging
 import signal
 import sys
 from types import FrameType
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from picoradar.instrument.cli import output
 
-# Typer carries its own copy of click in some versions and uses the package in others: its errors are named through it.
+# Some versions of Typer carry their own copy of click, others use the package: its errors are found through Typer.
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
 app = typer.Typer(
     name="picoradar",
-    help="Run a picosecond pulsed laser radar (real or simulated) and register what it sees to a bone model.\n\n"
+    help="Run a picosecond pulsed laser radar (real or simulated) and register its point clouds to a bone model.\n\n"
     "Start with: picoradar demo",
     invoke_without_command=True,
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 
@@ -30,8 +31,14 @@ app = typer.Typer(
 def common(
     context: typer.Context,
     verbose: Annotated[bool, typer.Option("--verbose", help="Log every event to stderr.")] = False,
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
 ) -> None:
     """Options before the subcommand; without one, help."""
+    if version:
+        from importlib import metadata
+
+        typer.echo(f"picoradar {metadata.version('picoradar')}")
+        raise typer.Exit
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
         return
@@ -46,7 +53,7 @@ def main(arguments: list[str] | None = None) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _interrupt)
     code = run(arguments)
-    _ignore_signals()  # the result is out: an impatient second Ctrl-C must not change the exit status
+    _ignore_signals()  # the result is printed: a second Ctrl-C must not change the exit status
     sys.exit(code)
 
 
@@ -71,7 +78,7 @@ def run(arguments: list[str]) -> int:
 
 
 def _interrupt(_signal: int, _frame: FrameType | None) -> None:
-    """Stop outside of a session, where the laser cannot be on; from now on signals only wait for the end."""
+    """Stop outside of a session, where the laser cannot be on; further signals are ignored."""
     _ignore_signals()
     raise KeyboardInterrupt
 
@@ -97,10 +104,10 @@ def exit_status(error: Exception) -> int | None:
     return None
 
 
-def _usage(error: Any) -> str:
+def _usage(error: Exception) -> str:
     context = getattr(error, "ctx", None)
     hint = f"; see: {context.command_path} --help" if context is not None else ""
-    return str(error.format_message()).rstrip(".") + hint
+    return str(getattr(error, "format_message", error.__str__)()).rstrip(".") + hint
 
 
 def _failed(arguments: list[str], code: int, message: str) -> int:
@@ -121,15 +128,15 @@ def _register_subcommands() -> None:
         info,
         laser_class,
         register,
+        reprocess,
         resume,
         scan,
         settings,
         sim,
         validate,
     )
-    from picoradar.instrument.cli.commands import reprocess as rerange
 
-    modules = (demo, settings, doctor, sim, scan, resume, info, export, rerange, register)
+    modules = (demo, settings, doctor, sim, scan, resume, info, export, reprocess, register)
     for module in (*modules, bench, calibration, validate, laser_class):
         module.add_to(app)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, TypedDict, Unpack
 
 import typer
 
@@ -13,7 +13,7 @@ from picoradar.instrument.errors import BadInput
 if TYPE_CHECKING:
     from picoradar.instrument.settings import Settings
 
-FARTHEST = 1e5  # mm or degrees; nothing on the bench is farther away
+MAX_COORDINATE = 1e5  # mm or degrees; nothing on the bench is farther away
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else there.")]
 Seed = Annotated[int | None, typer.Option(help="Root seed of the simulated bench: same seed, same data.", min=0)]
@@ -22,36 +22,46 @@ SettingsFile = Annotated[
 ]
 Target = Annotated[str | None, typer.Option(help="hip, prism, gray, plate, step or a mesh file (simulated bench).")]
 TargetPose = Annotated[
-    str | None, typer.Option(help="Where the target stands: x,y,z,rx,ry,rz in mm and degrees (simulated bench).")
+    str | None, typer.Option(help="Pose of the target: x,y,z,rx,ry,rz in mm and degrees (simulated bench).")
 ]
 DistanceMm = Annotated[float | None, typer.Option(help="Distance of the raster's plane, mm.")]
 Grid = Annotated[str | None, typer.Option(help="Raster as ROWSxCOLUMNS, for example 40x40.")]
 StepMm = Annotated[float | None, typer.Option(help="Distance of neighbouring points, mm.")]
 Averages = Annotated[int | None, typer.Option(help="Sweeps averaged into one record.")]
 PrfHz = Annotated[float | None, typer.Option(help="Pulse repetition frequency, Hz.")]
-Mode = Annotated[str | None, typer.Option(help="sweep: the whole trace; window: two short pieces, just enough shots.")]
+Mode = Annotated[
+    str | None, typer.Option(help="sweep: the whole trace; window: two short pieces, only the shots needed.")
+]
 Estimator = Annotated[str | None, typer.Option(help="How a trace becomes a range: half-maximum or template.")]
 Faults = Annotated[
-    Path | None, typer.Option("--faults", help="Faults that happen on the simulated bench (TOML or JSON).")
+    Path | None, typer.Option("--faults", help="Faults to inject into the simulated bench (TOML or JSON).")
 ]
 Speed = Annotated[str, typer.Option(help="Pace of the simulated bench: max, 1 (real time) or a factor.")]
 
 
-def scan_settings(
-    settings_file: Path | None,
-    *,
-    seed: int | None,
-    target: str | None,
-    target_pose: str | None,
-    distance_mm: float | None,
-    grid: str | None,
-    step_mm: float | None,
-    averages: int | None,
-    prf_hz: float | None,
-    mode: str | None,
-    estimator: str | None,
-) -> Settings:
-    """Read the settings file, if any, and let the options of the command line win over it.
+class ScanOptions(TypedDict, total=False):
+    """Options of the command line that change the settings; None and a missing option change nothing."""
+
+    seed: int | None
+    target: str | None
+    target_pose: str | None
+    distance_mm: float | None
+    grid: str | None
+    step_mm: float | None
+    averages: int | None
+    prf_hz: float | None
+    mode: str | None
+    estimator: str | None
+
+
+def scan_settings(settings_file: Path | None, **options: Unpack[ScanOptions]) -> Settings:
+    """Read the settings file, if any; options of the command line take precedence over it.
+
+    Parameters
+    ----------
+    settings_file : path, optional
+        Without it the built-in simulated bench.
+    **options : ScanOptions
 
     Raises
     ------
@@ -61,27 +71,30 @@ def scan_settings(
     from picoradar.instrument.settings import Settings, load_settings, override  # here, because they make --help slow
 
     settings = Settings() if settings_file is None else load_settings(settings_file)
+    grid, target, distance_mm = options.get("grid"), options.get("target"), options.get("distance_mm")
     rows, columns = parse_grid(grid) if grid is not None else (None, None)
-    simulation: dict[str, Any] = {"target": target, "target_pose": parse_pose(target_pose), "distance_mm": distance_mm}
-    if settings.bench != "simulated" and (target or target_pose):
+    pose = parse_pose(options.get("target_pose"))
+    if settings.bench != "simulated" and (target or pose):
         raise BadInput(
             "--target and --target-pose place the target of the simulated bench; this settings file has real devices"
         )
     return override(
         settings,
         {
-            "": {"seed": seed},
-            "pulser": {"prf_hz": prf_hz},
+            "": {"seed": options.get("seed")},
+            "pulser": {"prf_hz": options.get("prf_hz")},
             "scan": {
                 "rows": rows,
                 "columns": columns,
-                "step_mm": step_mm,
+                "step_mm": options.get("step_mm"),
                 "distance_mm": distance_mm,
-                "averages": averages,
-                "mode": mode,
-                "estimator": estimator,
+                "averages": options.get("averages"),
+                "mode": options.get("mode"),
+                "estimator": options.get("estimator"),
             },
-            "simulation": simulation if settings.bench == "simulated" else {},
+            "simulation": {"target": target, "target_pose": pose, "distance_mm": distance_mm}
+            if settings.bench == "simulated"
+            else {},
         },
     )
 
@@ -122,8 +135,8 @@ def parse_numbers(text: str, count: int, option: str, form: str) -> list[float]:
         numbers = []
     if len(numbers) != count:
         raise BadInput(f"{option} {text!r}: not {count} numbers; give {form}")
-    if not all(abs(n) <= FARTHEST for n in numbers):  # also true for NaN
-        raise BadInput(f"{option} {text!r}: each number must lie within +-{FARTHEST:g}; give {form}")
+    if not all(abs(n) <= MAX_COORDINATE for n in numbers):  # also true for NaN
+        raise BadInput(f"{option} {text!r}: each number must lie within +-{MAX_COORDINATE:g}; give {form}")
     return numbers
 
 

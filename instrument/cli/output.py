@@ -1,11 +1,11 @@
-"""What a subcommand prints: for people on a terminal, or one JSON object on stdout; all else goes to stderr."""
+"""Output of the subcommands: tables for people or one JSON object on stdout; everything else on stderr."""
 
 from __future__ import annotations
 
 import json
 import sys
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -19,8 +19,8 @@ EXIT_STOPPED = 4
 EXIT_INTERRUPTED = 130
 
 
-def print_json(result: Mapping[str, Any]) -> None:
-    """Print one JSON object, and nothing else, on stdout; numbers that could not be had become null."""
+def print_json(result: Mapping[str, object]) -> None:
+    """Print one JSON object, and nothing else, on stdout; NaN and infinities become null."""
     from picoradar.instrument.recording import plain
 
     sys.stdout.write(json.dumps(plain(result), allow_nan=False) + "\n")
@@ -34,7 +34,7 @@ def console() -> Console:
     return Console(stderr=True, highlight=False)
 
 
-def print_table(title: str, rows: Mapping[str, Any]) -> None:
+def print_table(title: str, rows: Mapping[str, object]) -> None:
     """Print a small two-column table on stdout."""
     from rich.console import Console
     from rich.table import Table

@@ -1,4 +1,4 @@
-"""`Person`: questions to the person at the terminal, who may take long, err, or want to stop."""
+"""`Person`: questions to the person at the terminal, who may need time, mistype, or want to stop."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ STOP = ("q", "quit", "stop")
 class Person:
     """Asks on stderr and reads the answers, a line each, from a stream.
 
-    A thread reads the lines, so that whoever asks can go on looking after the bench: heartbeat, interlocks, Ctrl-C.
+    A thread reads the lines, so that the caller can keep monitoring the bench: heartbeat, interlocks, Ctrl-C.
 
     Parameters
     ----------
     wait : callable
-        Called with a condition; returns when it holds, and may raise to stop.
+        Called with a condition; returns when it holds, or raises to stop.
     answers : text stream, optional
         stdin by default.
     """
@@ -34,14 +34,14 @@ class Person:
         self._reader: threading.Thread | None = None
 
     def ask(self, question: str, wait: Wait | None = None) -> str:
-        """Ask and return the answer without the blanks around it.
+        """Ask, and return the answer without surrounding blanks.
 
         Raises
         ------
         Interrupted
             When the person wants to stop.
         BadInput
-            When nobody is there to answer.
+            When the input has ended.
         """
         if self._reader is None:
             self._reader = threading.Thread(target=self._read, name="answers", daemon=True)
@@ -51,8 +51,8 @@ class Person:
         (wait or self._wait)(lambda: not self._lines.empty())
         line = self._lines.get()
         if not line:
-            self._lines.put("")  # the end stays the end
-            raise BadInput("nobody answers: this procedure needs a person at the terminal; run it in a terminal")
+            self._lines.put("")  # so that the next question finds the end again
+            raise BadInput("no answer: this procedure needs a person at the terminal; run it in a terminal")
         answer = line.strip()
         if answer.lower() in STOP:
             raise Interrupted("stopped by the person at the bench")
@@ -65,12 +65,12 @@ class Person:
         default: tuple[float, ...] | None = None,
         wait: Wait | None = None,
     ) -> tuple[float, ...]:
-        """Ask for numbers with commas between, again until there are as many as wanted, each within its bounds.
+        """Ask for numbers separated by commas; repeat until their count is right and each is within its bounds.
 
         Parameters
         ----------
         allowed : tuple of (float, float)
-            Least and greatest value of each.
+            Minimum and maximum of each.
         default : tuple of float, optional
             What an empty answer means.
         """

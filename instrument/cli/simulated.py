@@ -1,9 +1,8 @@
-"""The one place where the instrument meets the simulator: it puts the simulated bench together for the command."""
+"""The one place where the instrument meets the simulator: it assembles the simulated bench for the command line."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +27,7 @@ class Simulated:
     speed : float, optional
         Factor of real time; None is as fast as the computer can.
     faults : path, optional
-        Faults to happen on the bench, TOML or JSON (`picoradar.sim.faults`).
+        Faults to inject into the bench, TOML or JSON (`picoradar.sim.faults`).
 
     Attributes
     ----------
@@ -48,14 +47,14 @@ class Simulated:
         self.clock = VirtualClock(speed)
         checked = checked_simulation(settings)
         if not isinstance(checked, SimulationSettings):
-            raise TypeError("checked_simulation returned something else than simulation settings")
+            raise TypeError("checked_simulation did not return simulation settings")
         try:
             self.bench = SimulatedBench(checked, seed=settings.seed, clock=self.clock)
         except ValueError as error:
             raise BadInput(str(error)) from error
         self._scan = settings.scan
         self._links = settings.links
-        self.faults: list[dict[str, Any]] = []
+        self.faults: list[dict[str, object]] = []
         if faults is not None:
             self._arm(faults)
 
@@ -64,10 +63,10 @@ class Simulated:
 
         try:
             declared = load_scenario(path)
+            arm(self.bench, declared)
         except ValueError as error:
             self.bench.close()
             raise BadInput(str(error)) from error
-        arm(self.bench, declared)
         self.faults = [fault.as_dict() for fault in declared]
 
     @property
@@ -76,7 +75,7 @@ class Simulated:
         return Links.model_validate({**self._links.model_dump(), **self.bench.urls})
 
     @property
-    def usb_backend(self) -> Any:
+    def usb_backend(self) -> object:
         """Get the pyusb backend that finds the simulated USB devices."""
         return self.bench.usb_backend
 
@@ -90,11 +89,11 @@ class Simulated:
         """Get vertices (V, 3) and faces (F, 3) of the target in its own frame, mm: the preoperative model."""
         return self.bench.bare_target.vertices, self.bench.bare_target.faces
 
-    def landmarks(self) -> list[dict[str, Any]]:
-        """Get three landmark pairs as a person would click them: a few mm of error in the scan."""
+    def landmarks(self) -> list[dict[str, object]]:
+        """Get three landmark pairs as clicked by a person, with a few mm of error in the scan."""
         return self.bench.clicked_landmarks()
 
-    def truth_of(self, cloud: Cloud) -> dict[str, Any]:
+    def truth_of(self, cloud: Cloud) -> dict[str, object]:
         """Compare the ranges of a scan with the true ones of the same shots.
 
         Returns
@@ -129,7 +128,7 @@ class Simulated:
         return np.where(retaken, self._scan.rows, 0) + rows + 1, np.where(retaken, order, columns)
 
     def close(self) -> None:
-        """Take the simulated ports away."""
+        """Remove the simulated ports."""
         self.bench.close()
 
 
@@ -146,6 +145,7 @@ def checked_simulation(settings: Settings) -> BaseModel:
     table = {k: v for k, v in settings.simulation.items() if v is not None}
     table.setdefault("distance_mm", settings.scan.distance_mm)
     table.setdefault("field_deg", settings.scanner.field_deg)
+    table.setdefault("temperature_controller", settings.links.temperature)
     try:
         return SimulationSettings.model_validate(table)
     except ValidationError as error:

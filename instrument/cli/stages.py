@@ -10,7 +10,7 @@ from picoradar.instrument.errors import BadInput
 from picoradar.instrument.procedures.station import Placing
 from picoradar.instrument.settings import Settings, override
 
-READING_ROOM_MM = 100.0  # between the distance asked for and the one read: more is a slip of the pen
+READING_ROOM_MM = 100.0  # between the distance asked for and the one read; more is taken for a typing error
 SCALE_HALF_MM = 500.0
 _BODIES = {"card": "plate", "scale": "plate", "plate": "plate", "prism": "prism", "step": "step"}
 
@@ -23,7 +23,7 @@ HIDDEN = {
     "y_offset_deg": (-0.5, 0.5),
     "non_orthogonality_deg": (-0.3, 0.3),
 }
-"""Errors of a simulated scanner that a procedure must find, each drawn between two bounds."""
+"""Errors of a simulated scanner that a procedure must find, each uniform between two bounds."""
 
 
 def with_hidden_errors(settings: Settings) -> Settings:
@@ -41,7 +41,7 @@ def with_hidden_errors(settings: Settings) -> Settings:
 
 
 class SimulatedStage:
-    """Moves the targets of the simulated bench."""
+    """Places the targets of the simulated bench."""
 
     reads_at_once = True
 
@@ -52,22 +52,22 @@ class SimulatedStage:
         return "simulated stage"
 
     def place(self, wanted: Placing) -> float:
-        """Put a target up; its scale is exact."""
+        """Place a target; its distance is exact."""
         tilt_x, tilt_y = wanted.tilt_deg
         pose = (0.0, 0.0, wanted.distance_mm, tilt_x, tilt_y, 0.0)
         try:
             self._bench.place(_BODIES[wanted.body], pose, reflectance=wanted.gray)
         except (KeyError, ValueError) as error:
-            raise BadInput(f"simulated stage: cannot put up {wanted}: {error}") from error
+            raise BadInput(f"simulated stage: cannot place {wanted}: {error}") from error
         return wanted.distance_mm
 
     def read_scale(self) -> tuple[float, float]:
-        """Read the spot on the scale."""
+        """Read the position of the spot on the scale."""
         return self._bench.read_scale()
 
 
 class PersonStage:
-    """Asks the person at the bench to put targets up and to read the scale; the laser is off meanwhile."""
+    """Asks the person at the bench to place targets and to read the scale; the laser is off meanwhile."""
 
     reads_at_once = False
 
@@ -79,12 +79,12 @@ class PersonStage:
 
     def place(self, wanted: Placing) -> float:
         """Ask for a target, and for its distance as the rail's scale shows it."""
-        question = f"Put up: {wanted}. Its distance as read, in mm (Enter: {wanted.distance_mm:g}; q: stop):"
+        question = f"Place: {wanted}. Its distance as read, in mm (Enter: {wanted.distance_mm:g}; q: stop):"
         near = (wanted.distance_mm - READING_ROOM_MM, wanted.distance_mm + READING_ROOM_MM)
         return self._person.numbers(question, (near,), (wanted.distance_mm,))[0]
 
     def read_scale(self) -> tuple[float, float]:
-        """Ask where the spot stands."""
+        """Ask for the position of the spot."""
         allowed = ((-SCALE_HALF_MM, SCALE_HALF_MM), (-SCALE_HALF_MM, SCALE_HALF_MM))
-        x_mm, y_mm = self._person.numbers("Where does the spot stand on the scale? x,y in mm:", allowed)
+        x_mm, y_mm = self._person.numbers("Position of the spot on the scale? x,y in mm:", allowed)
         return x_mm, y_mm

@@ -197,7 +197,7 @@ class ScanRun:
 
     def _go_dark(self, verb: str, cause: Exception | None) -> None:
         self._station.supervisor.stop_beating()
-        safe = make_safe(self._bench, blamed=self._bench.blamed(cause) if cause is not None else "")
+        safe = make_safe(self._bench, blamed=self._bench.suspected(cause) if cause is not None else "")
         self._station.machine.go(verb)
         self._store.event(
             self._clock.now(), verb, state=self._station.machine.state, cause=str(cause or ""), **safe.steps
@@ -211,7 +211,7 @@ class ScanRun:
     def _leave(self, error: BaseException | None) -> None:
         self._station.supervisor.stop_beating()
         decided_s = self._clock.now()
-        blamed = self._bench.blamed(error) if error is not None else ""
+        blamed = self._bench.suspected(error) if error is not None else ""
         everything = isinstance(error, InterlockTripped) and error.action == "off"
         self.outcome.safe = make_safe(self._bench, blamed=blamed, diode_off=everything)
         self.outcome.dark_s = self._clock.now() - decided_s

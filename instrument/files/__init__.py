@@ -1,1 +1,1 @@
-"""Files of others: point files that are read, exports that are written."""
+"""Files for other programs: point files that are read, exports that are written."""

@@ -1,46 +1,45 @@
-"""Settings of a bench: one TOML file, checked whole before anything is switched.
+"""The tables of the settings: every field with its unit in the name, its range and a sentence on what it means.
 
-Every field carries its unit in the name, its range and a sentence, from which the commented file that a
-user gets (`to_toml`) is written. What the simulator needs stays a plain table here: the simulator checks it.
+The commented settings file is written from these sentences (`to_toml`). The table ``[simulation]`` stays a plain dict
+here, because the simulator checks it.
 """
 
 from __future__ import annotations
 
 import math
-import re
-import tomllib
-from collections.abc import Iterator, Mapping
-from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
-
-from picoradar.instrument.errors import BadInput
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 RENAMED_BACKENDS = {"sim.usb.forward:backend": "picoradar.sim.usb.forward:backend"}
-"""USB backends that settings and recordings of version 0.1 name, and what they are called now."""
+"""Old and new names of the USB backends in settings and recordings of version 0.1."""
 
 
 class Section(BaseModel):
-    """Common to all tables: unknown keys and silent conversions are refused, values never change."""
+    """Base of all tables: unknown keys and implicit conversions are refused, values never change."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
 class Links(Section):
-    """Where the devices are: ports by name or URL, USB devices by serial number."""
+    """Where the devices are: serial ports by name or URL, USB devices by serial number."""
 
     dg645: str = Field("", description="serial port or URL of the delay generator")
     dg645_baud: int = Field(9600, ge=4800, le=115200, description="its baud rate")
     genesys: str = Field("", description="serial port or URL of the drive supply")
     genesys_baud: int = Field(9600, ge=1200, le=19200, description="its baud rate")
     genesys_address: int = Field(6, ge=0, le=30, description="its address")
-    tec: str = Field("", description="serial port or URL of the temperature controller")
+    temperature: Literal["tec", "tc200"] = Field(
+        "tec", description="temperature controller of the diode: tec (Meerstetter) or tc200 (Thorlabs, heats only)"
+    )
+    tec: str = Field("", description="serial port or URL of the temperature controller TEC")
     tec_baud: int = Field(57600, ge=4800, le=1000000, description="its baud rate")
     tec_address: int = Field(1, ge=0, le=254, description="its address")
+    tc200: str = Field("", description="serial port or URL of the temperature controller TC200")
+    tc200_baud: int = Field(115200, ge=9600, le=115200, description="its baud rate")
     bridge_serial: str = Field("", description="serial number of the sampling bridge; empty: the only one on the bus")
     sampler: Literal["bridge", "oscilloscope"] = Field(
-        "bridge", description="what takes the traces; with the oscilloscope the bridge is the gate only"
+        "bridge", description="device that takes the traces; with the oscilloscope the bridge is only the gate"
     )
     oscilloscope_serial: str = Field("", description="serial number of the oscilloscope; empty: the only one there")
     usb_backend: str = Field("", description="module:function that makes a pyusb backend; empty: libusb")
@@ -49,7 +48,7 @@ class Links(Section):
 
     @field_validator("usb_backend", mode="before")
     @classmethod
-    def _renamed(cls, name: Any) -> Any:
+    def _renamed(cls, name: object) -> object:
         return RENAMED_BACKENDS.get(name, name) if isinstance(name, str) else name
 
     @model_validator(mode="after")
@@ -75,7 +74,7 @@ class PulserSettings(Section):
 
     @field_validator("measured_output", mode="before")
     @classmethod
-    def _lists_are_tuples(cls, points: Any) -> Any:  # TOML and JSON know lists only
+    def _lists_are_tuples(cls, points: object) -> object:  # TOML and JSON have lists only
         if not isinstance(points, list):
             return points
         return tuple(tuple(point) if isinstance(point, list) else point for point in points)
@@ -89,7 +88,7 @@ class PulserSettings(Section):
 
     @model_validator(mode="after")
     def _no_overheating(self) -> PulserSettings:
-        # S 2.6.1: above about 300 V at 80 kHz the transmitter overheats; the heat goes with rate times voltage squared.
+        # Section 2.6.1: above about 300 V at 80 kHz the transmitter overheats; the heat is proportional to f V^2.
         limit_v = 300.0 * math.sqrt(80_000.0 / max(self.prf_hz, 80_000.0))
         if self.prf_hz >= 80_000.0 and self.drive_v > limit_v:
             raise ValueError(
@@ -107,10 +106,10 @@ class DiodeSettings(Section):
         0.004,
         gt=0,
         le=0.2,
-        description="lines are taken once the diode, with the laser on, is as near to its target, K",
+        description="lines are taken once the diode, with the laser on, is this close to its target, K",
     )
     settle_limit_s: float = Field(
-        60.0, ge=0, le=600, description="longest wait for that; then it is noted and goes on, s"
+        60.0, ge=0, le=600, description="longest wait for that, s; afterwards the scan starts all the same, with a note"
     )
 
 
@@ -123,7 +122,7 @@ class SamplerSettings(Section):
     reference_ps: float = Field(
         7400.0, ge=0, le=100_000, description="place of the reference pulse on the trace (+-1000 ps), ps"
     )
-    settle_shots: int = Field(16, ge=0, le=1000, description="shots thrown away before each sweep")
+    settle_shots: int = Field(16, ge=0, le=1000, description="shots discarded before each sweep")
 
 
 class ScannerSettings(Section):
@@ -133,10 +132,10 @@ class ScannerSettings(Section):
     settle_ms: float = Field(3.0, ge=0, le=1000, description="wait after a step within a line, ms")
     flyback_settle_ms: float = Field(25.0, ge=0, le=1000, description="wait after the step to a new line, ms")
     window_settle_ms: float = Field(
-        1.2, ge=0, le=100, description="window mode: least time from a step to the first shot on the echo, ms"
+        1.2, ge=0, le=100, description="window mode: minimum time from a step to the first shot on the echo, ms"
     )
     window_flyback_ms: float = Field(12.0, ge=0, le=1000, description="window mode: wait after the step to a new line")
-    window_settle_shots: int = Field(2, ge=0, le=1000, description="window mode: shots thrown away before each sweep")
+    window_settle_shots: int = Field(2, ge=0, le=1000, description="window mode: shots discarded before each sweep")
 
 
 class ScanSettings(Section):
@@ -152,14 +151,13 @@ class ScanSettings(Section):
     )
     averages: int = Field(8, ge=1, le=64, description="sweeps averaged into one record")
     mode: Literal["sweep", "window"] = Field(
-        "sweep", description="sweep: the whole trace at every point; window: two short pieces of it, just enough shots"
+        "sweep",
+        description="sweep: the whole trace at every point; window: two short pieces, only the shots needed",
     )
     estimator: Literal["half-maximum", "template"] = Field(
         "half-maximum", description="how a trace becomes a range (window mode always uses template)"
     )
-    wanted_sd_mm: float = Field(
-        0.22, gt=0, le=10, description="window mode: standard deviation that each range is to have"
-    )
+    wanted_sd_mm: float = Field(0.22, gt=0, le=10, description="window mode: intended standard deviation of each range")
     keep_traces: bool = Field(True, description="keep the raw traces in the recording")
 
 
@@ -177,133 +175,4 @@ class Settings(Section):
     sampler: SamplerSettings = SamplerSettings()
     scanner: ScannerSettings = ScannerSettings()
     scan: ScanSettings = ScanSettings()
-    simulation: dict[str, Any] = Field(default_factory=dict, description="what the simulated bench is made of")
-
-
-def load_settings(path: Path) -> Settings:
-    """Read and check a settings file.
-
-    Raises
-    ------
-    BadInput
-        With the file, the line, the key, the value and what is allowed.
-    """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(
-            f"{path}: cannot read the settings: {error}; give a TOML file (picoradar demo writes one)"
-        ) from error
-    try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise BadInput(f"{path}: not valid TOML: {error}; mend that line") from error
-    return settings_from(table, str(path), text)
-
-
-def settings_from(table: object, source: str, text: str = "") -> Settings:
-    """Check settings given as a table, as a recording carries them; ``source`` and ``text`` are for messages.
-
-    Raises
-    ------
-    BadInput
-    """
-    try:
-        return Settings.model_validate(table)
-    except ValidationError as error:
-        raise BadInput("; ".join(describe_errors(error, source, text))) from error
-
-
-def override(settings: Settings, changes: Mapping[str, Mapping[str, Any]]) -> Settings:
-    """Return settings with some values replaced, checked again.
-
-    Parameters
-    ----------
-    changes : mapping of table name to mapping of key to value
-        The empty name stands for the top table. Values that are None are left as they are.
-
-    Raises
-    ------
-    BadInput
-        When the result is not allowed.
-    """
-    table = settings.model_dump()
-    for name, values in changes.items():
-        into = table[name] if name else table
-        into.update({k: v for k, v in values.items() if v is not None})
-    try:
-        return Settings.model_validate(table)
-    except ValidationError as error:
-        raise BadInput("; ".join(describe_errors(error, "options", ""))) from error
-
-
-def describe_errors(error: ValidationError, source: str, text: str) -> Iterator[str]:
-    """Say for each finding: file and line, key, value, what is allowed."""
-    for finding in error.errors(include_url=False):
-        keys = [str(k) for k in finding["loc"]]
-        line = _line_of(text, keys)
-        where = f"{source}, line {line}" if line else source
-        value = finding.get("input")
-        shown = "" if isinstance(value, (dict, Section)) or value is None else f" = {value!r}"
-        message = finding["msg"].removeprefix("Value error, ")
-        if finding["type"] == "extra_forbidden":
-            message = "unknown key; take it out or mend its spelling"
-        yield f"{where}: {'.'.join(keys) or 'settings'}{shown}: {message}"
-
-
-def _line_of(text: str, keys: list[str]) -> int:
-    """Find the line of a key in TOML text; 0 when it is not written there."""
-    if not text or not keys:
-        return 0
-    table, wanted, here = keys[:-1], keys[-1], []
-    for number, line in enumerate(text.splitlines(), 1):
-        if header := re.match(r"\s*\[\s*([^\]]+?)\s*\]", line):
-            here = [k.strip().strip('"') for k in header[1].split(".")]
-            if here == keys:
-                return number
-        elif here == table and re.match(rf'\s*"?{re.escape(wanted)}"?\s*=', line):
-            return number
-    return 0
-
-
-def to_toml(settings: Settings, simulation: BaseModel | None = None) -> str:
-    """Write settings as a commented TOML file, each line with what it means.
-
-    Parameters
-    ----------
-    simulation : pydantic model, optional
-        The simulator's checked form of ``settings.simulation``, written with its own comments.
-    """
-    out = ["# Settings of picoradar. Edit and use with: picoradar scan --settings FILE", ""]
-    tables: list[tuple[str, BaseModel]] = []
-    for name, field in type(settings).model_fields.items():
-        value = getattr(settings, name)
-        if isinstance(value, BaseModel):
-            tables.append((name, value))
-        elif not isinstance(value, dict):
-            out.append(_toml_line(name, value, field.description))
-    if simulation is not None:
-        tables.append(("simulation", simulation))
-    for name, table in tables:
-        doc = (type(table).__doc__ or "").strip().splitlines()
-        out += ["", f"# {doc[0]}" if doc else "#", f"[{name}]"]
-        for key, field in type(table).model_fields.items():
-            out.append(_toml_line(key, getattr(table, key), field.description))
-    return "\n".join(out) + "\n"
-
-
-def _toml_line(key: str, value: Any, description: str | None) -> str:
-    comment = f"  # {description}" if description else ""
-    if value is None:
-        return f"# {key} ={comment}"
-    return f"{key} = {_toml_value(value)}{comment}"
-
-
-def _toml_value(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_toml_value(v) for v in value) + "]"
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    return repr(value)
+    simulation: dict[str, object] = Field(default_factory=dict, description="parameters of the simulated bench")

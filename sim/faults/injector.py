@@ -30,12 +30,21 @@ def arm(bench: SimulatedBench, faults: Iterable[Fault]) -> Sequence[InjectionSch
     -------
     sequence of InjectionSchedule
         One for each fault; its ``first_s`` is when the fault was first injected.
+
+    Raises
+    ------
+    ValueError
+        When a fault is on a device that this bench does not have.
     """
     return [_arm_one(bench, number, fault) for number, fault in enumerate(faults)]
 
 
 def _arm_one(bench: SimulatedBench, number: int, fault: Fault) -> InjectionSchedule:
     kind = KINDS[fault.kind]
+    if fault.link in SERIAL and fault.link not in bench.serial_taps:
+        raise ValueError(
+            f"fault {number + 1}: {fault.link} is not on this bench, which has {', '.join(bench.serial_taps)}"
+        )
     rng = bench.noise.stream("faults", number)
     schedule = InjectionSchedule(fault, bench.clock, lambda: bench.signal.shots, rng)
     site = Site(bench, fault, {**kind.defaults, **fault.parameters}, schedule, rng)

@@ -204,7 +204,7 @@ def test_a_recording_is_ranged_again_with_another_estimator(call: Any, tmp_path:
     first, second = tmp_path / "first.db", tmp_path / "second.db"
     call("scan", "--grid", "4x20", "-o", first, "--json")
     before = first.read_bytes()
-    code, result, _ = call("rerange", first, "-o", second, "--estimator", "template", "--json")
+    code, result, _ = call("reprocess", first, "-o", second, "--estimator", "template", "--json")
     assert (code, result["lines_ok"], result["raster"]["estimator"]) == (0, 4, "template")
     assert first.read_bytes() == before
     with Recording.open(first) as old, Recording.open(second) as new:
@@ -217,7 +217,7 @@ def test_a_recording_is_ranged_again_with_another_estimator(call: Any, tmp_path:
 def test_a_scan_in_windows_is_ranged_again_to_the_same_bytes(call: Any, tmp_path: Path) -> None:
     paths = [tmp_path / name for name in ("w.db", "x.db")]
     call("scan", "--grid", "3x20", "--mode", "window", "-o", paths[0], "--json")
-    code, result, _ = call("rerange", paths[0], "-o", paths[1], "--json")
+    code, result, _ = call("reprocess", paths[0], "-o", paths[1], "--json")
     assert (code, result["lines_ok"], result["raster"]["estimator"]) == (0, 3, "template")
     clouds = []
     for path in paths:
@@ -225,7 +225,7 @@ def test_a_scan_in_windows_is_ranged_again_to_the_same_bytes(call: Any, tmp_path
             clouds.append(recording.cloud())
     for name in ("points_mm", "covariance_mm2", "range_mm", "range_variance_mm2", "response_mv", "flags"):
         assert np.array_equal(getattr(clouds[0], name), getattr(clouds[1], name), equal_nan=True), name
-    code, result, _ = call("rerange", paths[0], "-o", tmp_path / "y.db", "--estimator", "half-maximum", "--json")
+    code, result, _ = call("reprocess", paths[0], "-o", tmp_path / "y.db", "--estimator", "half-maximum", "--json")
     assert code == 2
     assert "half-maximum needs whole traces" in result["error"]
 

@@ -87,8 +87,8 @@ def test_a_port_that_another_program_has_open(bench: SimulatedBench) -> None:
 
 def test_two_ports_exchanged(bench: SimulatedBench) -> None:
     problems = wrong(findings(bench, dg645=bench.urls["tec"], tec=bench.urls["dg645"]))
-    assert "a tec answers on this port: links.dg645 and links.tec seem to be exchanged" in problems["dg645"]
-    assert "a dg645 answers on this port: links.tec and links.dg645 seem to be exchanged" in problems["tec"]
+    assert "a tec answers on this port: links.dg645 and links.tec seem to be swapped" in problems["dg645"]
+    assert "a dg645 answers on this port: links.tec and links.dg645 seem to be swapped" in problems["tec"]
 
 
 class Mute:

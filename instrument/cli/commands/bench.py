@@ -34,7 +34,8 @@ def bench(
     speed: options.Speed = "max",
     faults: options.Faults = None,
     hidden_errors: Annotated[
-        bool, typer.Option("--hidden-errors", help="Simulated bench: give the scanner errors drawn from the seed.")
+        bool,
+        typer.Option("--hidden-errors", help="Simulated bench: give the scanner random errors, drawn from the seed."),
     ] = False,
     date: Annotated[
         str | None, typer.Option(help="Date that a new calibration carries, for example 2026-01-31T12:00:00Z.")
@@ -42,7 +43,7 @@ def bench(
     out: Annotated[Path | None, typer.Option("--out", help="Report folder to make (must not exist).")] = None,
     json: options.Json = False,
 ) -> None:
-    """Calibrate the radar or test its accuracy; writes a report folder, and a calibration where one was made."""
+    """Calibrate the radar or test its accuracy; write a report folder, and a calibration where one results."""
     from picoradar.instrument.cli import session
     from picoradar.instrument.cli.simulated import checked_simulation
     from picoradar.instrument.procedures import PROCEDURES
@@ -51,7 +52,7 @@ def bench(
     if name not in PROCEDURES:
         raise BadInput(f"bench {name!r}: no such procedure; there are {', '.join(PROCEDURES)}")
     stamp = _date(date)
-    wanted = _settings(settings, seed, averages, hidden_errors)
+    wanted = _settings(settings, seed, averages, hidden_errors=hidden_errors)
     folder = _new_folder(out or Path(f"picoradar-{name}"))
     try:
         with session.session(wanted, options.parse_speed(speed), faults=faults) as run:
@@ -80,22 +81,11 @@ def bench(
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
 
 
-def _settings(file: Path | None, seed: int | None, averages: int | None, hidden_errors: bool) -> Settings:
+def _settings(file: Path | None, seed: int | None, averages: int | None, *, hidden_errors: bool) -> Settings:
     from picoradar.instrument.cli.stages import with_hidden_errors
 
-    wanted = options.scan_settings(
-        file,
-        seed=seed,
-        target="plate" if file is None else None,
-        target_pose=None,
-        distance_mm=None,
-        grid=None,
-        step_mm=None,
-        averages=averages,
-        prf_hz=None,
-        mode="sweep",  # procedures keep whole traces
-        estimator=None,
-    )
+    target = "plate" if file is None else None
+    wanted = options.scan_settings(file, seed=seed, target=target, averages=averages, mode="sweep")  # whole traces
     return with_hidden_errors(wanted) if hidden_errors else wanted
 
 
@@ -114,11 +104,11 @@ def _date(text: str | None) -> datetime.datetime | None:
 def _measure(run: Session, folder: Path, name: str, date: datetime.datetime | None) -> Outcome:
     from picoradar.instrument.procedures import PROCEDURES
 
-    def told(share: float, note: str) -> None:
+    def report(share: float, note: str) -> None:
         output.console().print(f"{share:4.0%} {note}", markup=False)
 
-    if run.simulated is None:  # a bar that is redrawn would write over the questions to the person
-        return PROCEDURES[name](_station(run, name, folder, told, date))
+    if run.simulated is None:  # a bar that is redrawn would overwrite the questions to the person
+        return PROCEDURES[name](_station(run, name, folder, report, date))
     with output.progress() as bar:
         task = bar.add_task(name, total=100, note="")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -14,6 +14,7 @@ from picoradar.instrument.errors import BadInput
 
 if TYPE_CHECKING:
     from picoradar.instrument.calibration import Calibration
+    from picoradar.instrument.settings import Settings
 
 Files = Annotated[list[Path] | None, typer.Argument(help="Calibration files, or folders to search; none: this folder.")]
 File = Annotated[Path, typer.Argument(help="A calibration file.")]
@@ -32,7 +33,7 @@ def add_to(app: typer.Typer) -> None:
 def listed(files: Files = None, json: options.Json = False) -> None:
     """List calibrations, the newest first.
 
-    Files that are no calibrations are named on stderr.
+    Files that are not calibrations are named on stderr.
     """
     from picoradar.instrument.calibration import Calibration
 
@@ -54,7 +55,7 @@ def listed(files: Files = None, json: options.Json = False) -> None:
 
 @calibration.command(epilog="Example: picoradar calibration show gray/calibration.json")
 def show(file: File, json: options.Json = False) -> None:
-    """Say what a calibration holds."""
+    """Show what a calibration contains."""
     from picoradar.instrument.calibration import Calibration
 
     summary = {"file": file, **_summary(Calibration.load(file))}
@@ -66,10 +67,10 @@ def show(file: File, json: options.Json = False) -> None:
 
 @calibration.command(epilog="Example: picoradar calibration compare old.json new.json")
 def compare(before: File, after: File, json: options.Json = False) -> None:
-    """Say how two calibrations differ.
+    """Show how two calibrations differ.
 
-    The second less the first: in their values, and in millimetres at a point of the scan; and whether they are of the
-    same instrument.
+    The second minus the first: their values, the effect in millimetres at a point of the scan, and whether both are of
+    the same instrument.
     """
     from picoradar.instrument.calibration import Calibration, differences
 
@@ -77,15 +78,15 @@ def compare(before: File, after: File, json: options.Json = False) -> None:
     if json:
         output.print_json({"before": before, "after": after, **found})
     else:
-        output.print_table(f"{after} less {before}", found)
+        output.print_table(f"{after} minus {before}", found)
 
 
 @calibration.command(epilog="Example: picoradar calibration status --settings bench.toml")
 def status(settings: options.SettingsFile = None, json: options.Json = False) -> None:
-    """Say which one is in force, and whether it is out of date.
+    """Show which calibration is in force, and whether it is out of date.
 
-    It is judged by the devices that answer (their serial numbers), the diode's temperature, its age, and what the
-    estimator in force needs. Exit status 1: out of date.
+    Criteria: serial numbers of the devices, temperature of the diode, age, and what the chosen estimator needs.
+    Exit status 1: out of date.
     """
     from picoradar.instrument.calibration import out_of_date
     from picoradar.instrument.cli.session import calibration_of
@@ -95,7 +96,7 @@ def status(settings: options.SettingsFile = None, json: options.Json = False) ->
     found = calibration_of(wanted)
     now = datetime.datetime.now(datetime.UTC) if wanted.bench == "devices" else None
     reasons = out_of_date(found, wanted, _serial_numbers(wanted), now)
-    summary: dict[str, Any] = {
+    summary: dict[str, object] = {
         "file": wanted.calibration or "comes with the simulated bench",
         **_summary(found),
         "out_of_date": bool(reasons),
@@ -110,8 +111,8 @@ def status(settings: options.SettingsFile = None, json: options.Json = False) ->
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
 
 
-def _serial_numbers(settings: Any) -> Mapping[str, str]:
-    """Open every device once and return its serial number."""
+def _serial_numbers(settings: Settings) -> Mapping[str, str]:
+    """Open every device once and get its serial number."""
     from picoradar.instrument.cli.session import session
 
     with session(settings, None) as run:
@@ -130,7 +131,7 @@ def _candidates(places: list[Path]) -> list[Path]:
     return files
 
 
-def _summary(one: Calibration) -> dict[str, Any]:
+def _summary(one: Calibration) -> dict[str, object]:
     s = one.scanner
     return {
         "date": one.date.isoformat(),

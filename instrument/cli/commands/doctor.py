@@ -1,4 +1,4 @@
-"""``picoradar doctor``: opens every device, identifies it, says what is wrong and what to do; the laser stays off."""
+"""``picoradar doctor``: opens and identifies every device, says what is wrong and what to do; the laser stays off."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ def add_to(app: typer.Typer) -> None:
 def doctor(
     settings: options.SettingsFile = None,
     acknowledge: Annotated[
-        bool, typer.Option("--acknowledge", help="Unlock the bridge's gate and reset the TEC's error, causes removed.")
+        bool,
+        typer.Option("--acknowledge", help="Unlock the bridge's gate and reset the TEC's error, causes removed."),
     ] = False,
     transcript: transcripts.TranscriptFile = None,
     json: options.Json = False,
@@ -48,7 +49,7 @@ def doctor(
 
 @contextmanager
 def _maker(settings: Settings, transcript: Path | None) -> Iterator[DeviceMaker]:
-    """Give the maker of the devices: real ones, or those of the simulated bench in this process."""
+    """Make the maker of the devices: real ones, or those of the simulated bench in this process."""
     from picoradar.drivers.clock import ScaledClock
     from picoradar.instrument.bench import DeviceMaker
 
@@ -74,7 +75,7 @@ def _shown(findings: Iterator[Finding], *, quiet: bool) -> Iterator[Finding]:
     for finding in findings:
         if not quiet:
             mark = Text("ok  ", "green") if finding.ok else Text("FAIL", "bold red")
-            who = finding.identity or "nobody answers"
+            who = finding.identity or "no answer"
             console.print(mark, f"{finding.name:8} {who}  ({finding.link})", soft_wrap=True)
             if finding.problem:
                 console.print(f"       {finding.problem}", soft_wrap=True, markup=False)

@@ -1,9 +1,9 @@
-"""``picoradar info``: what is in a recording, checked line by line."""
+"""``picoradar info``: the content of a recording, checked line by line."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
@@ -23,12 +23,12 @@ def info(
     recording: Annotated[Path, typer.Argument(help="Recording of a scan.")],
     json: Json = False,
 ) -> None:
-    """Say what is in a recording and check every line of it."""
+    """Show what is in a recording, and check every line of it."""
     from picoradar.instrument.recording import Recording
 
     with Recording.open(recording) as scan:
         result = describe_recording(scan)
-    bad = result["damaged"]
+    bad = cast("list[dict[str, object]]", result["damaged"])
     if json:
         output.print_json(result)
     else:
@@ -40,7 +40,7 @@ def info(
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
 
 
-def describe_recording(scan: Recording) -> dict[str, Any]:
+def describe_recording(scan: Recording) -> dict[str, object]:
     """Describe a recording by the keys of the command's contract; every line is checked."""
     checks, header = scan.check(), scan.header
     damaged = [{"line": line.index, "problem": line.problem} for line in checks if not line.ok]

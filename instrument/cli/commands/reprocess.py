@@ -1,4 +1,4 @@
-"""``picoradar rerange``: a recording with raw traces, ranged again."""
+"""``picoradar reprocess``: ranges from the raw traces of a recording, computed again."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from picoradar.instrument.errors import BadInput
 
 def add_to(app: typer.Typer) -> None:
     """Register the subcommand."""
-    app.command(epilog="Example: picoradar rerange scan.db -o better.db --estimator template")(rerange)
+    example = "Example: picoradar reprocess scan.db -o better.db --estimator template"
+    app.command(epilog=example)(reprocess)
+    app.command("rerange", epilog=example, hidden=True)(reprocess)  # its name in version 0.1
 
 
-def rerange(
+def reprocess(
     recording: Annotated[Path, typer.Argument(help="Recording with its raw traces or windows.")],
     out: Annotated[Path, typer.Option("-o", help="Recording to make (a file that does not exist).")],
     estimator: options.Estimator = None,
@@ -25,7 +27,7 @@ def rerange(
     ] = None,
     json: options.Json = False,
 ) -> None:
-    """Range a recording again, with another estimator or calibration; the old one stays as it is."""
+    """Compute the ranges of a recording again, with another estimator or calibration; the old one is kept."""
     from picoradar.instrument.acquisition import rerange as range_again
     from picoradar.instrument.calibration import Calibration
     from picoradar.instrument.cli.commands.info import describe_recording

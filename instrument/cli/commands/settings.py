@@ -1,11 +1,11 @@
-"""``picoradar settings``: a settings file to start from, or the schema that editors check settings files with."""
+"""``picoradar settings``: a settings file to start from, or the schema with which editors check settings files."""
 
 from __future__ import annotations
 
 import json as json_text
 import sys
 import tomllib
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -50,7 +50,7 @@ def settings(
         sys.stdout.write(text)
 
 
-def settings_schema() -> dict[str, Any]:
+def settings_schema() -> dict[str, object]:
     """Make the JSON schema of a settings file, the simulator's table included."""
     from picoradar.instrument.settings import Settings
     from picoradar.sim.settings import SimulationSettings

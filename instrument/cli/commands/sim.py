@@ -49,19 +49,7 @@ def sim(
     from picoradar.sim.server import BenchServer
 
     factor = served_speed(speed)
-    wanted = options.scan_settings(
-        settings,
-        seed=seed,
-        target=target,
-        target_pose=target_pose,
-        distance_mm=distance_mm,
-        grid=None,
-        step_mm=None,
-        averages=None,
-        prf_hz=None,
-        mode=None,
-        estimator=None,
-    )
+    wanted = options.scan_settings(settings, seed=seed, target=target, target_pose=target_pose, distance_mm=distance_mm)
     if wanted.bench != "simulated":
         raise BadInput('sim serves the simulated bench; this settings file has real devices (bench = "devices")')
     with ExitStack() as stack:
@@ -109,7 +97,13 @@ def host_settings(settings: Settings, addresses: Addresses, speed: float, folder
     sockets = {name: ports["socket"] for name, ports in addresses["serial"].items() if name in Links.model_fields}
     usb = addresses["usb"]
     links = Links.model_validate(
-        {**sockets, "usb_backend": usb["backend"], "usb_address": usb["address"], "speed": speed}
+        {
+            **sockets,
+            "temperature": settings.links.temperature,
+            "usb_backend": usb["backend"],
+            "usb_address": usb["address"],
+            "speed": speed,
+        }
     )
     return settings.model_copy(
         update={"bench": "devices", "links": links, "calibration": str(calibration), "simulation": {}}

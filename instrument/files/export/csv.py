@@ -1,4 +1,4 @@
-"""CSV: one header row with the units in the names, then a row a point; numbers read back to the same bits."""
+"""CSV: one header row with the units in the names, then one row per point; numbers read back to the same bits."""
 
 from __future__ import annotations
 

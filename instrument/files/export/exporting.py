@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypedDict, TypeVar
 
 from picoradar.instrument.files.export.csv import holds_csv, write_csv
 from picoradar.instrument.files.export.errors import ExportError
@@ -20,11 +20,21 @@ from picoradar.instrument.files.export.tree import Tree
 from picoradar.instrument.files.export.zarr_folder import holds_zarr, write_zarr
 from picoradar.instrument.recording import Cloud, Recording
 
+T = TypeVar("T")
+Save = Callable[[Path, Cloud, Recording], None]
 
-def export(recording: Recording, path: str | os.PathLike[str], waveforms: bool = False) -> dict[str, Any]:
+
+class Exported(TypedDict):
+    """Path of the written file as text, and the number of its points."""
+
+    written: str
+    points: int
+
+
+def export(recording: Recording, path: str | os.PathLike[str], *, waveforms: bool = False) -> Exported:
     """Write the points of a recording; the ending of the name chooses the format.
 
-    The file is written under a temporary name, synced, read back and compared, and only then put in place. Places
+    The file is written under a temporary name, synced, read back and compared, and only then put in place. Points
     without a range are left out. The same recording gives the same bytes.
 
     Parameters
@@ -38,8 +48,7 @@ def export(recording: Recording, path: str | os.PathLike[str], waveforms: bool =
 
     Returns
     -------
-    dict
-        ``written`` (path as text) and ``points`` (their number).
+    Exported
 
     Raises
     ------
@@ -54,42 +63,48 @@ def export(recording: Recording, path: str | os.PathLike[str], waveforms: bool =
         raise ExportError(f"{file}: the ending '{file.suffix}' is not known; use one of {' '.join(FORMATS)}")
     if file.exists() and file.samefile(recording.path):
         raise ExportError(f"{file}: is the recording itself; give another name")
-    if waveforms and not chosen.takes_traces:
-        able = " or ".join(suffix for suffix, entry in FORMATS.items() if entry.takes_traces)
+    save = chosen.save_with_traces if waveforms else chosen.save
+    if save is None:
+        able = " or ".join(suffix for suffix, entry in FORMATS.items() if entry.save_with_traces is not None)
         raise ExportError(f"{file}: {file.suffix} has no place for traces; use {able}")
     cloud = recording.cloud()
-    content = chosen.content(cloud, recording, waveforms)
-    write_safely(file, lambda name: chosen.write(name, content), lambda name: chosen.holds(name, content))
+    save(file, cloud, recording)
     return {"written": str(file), "points": int(cloud.has_range.sum())}
 
 
 @dataclass(frozen=True)
 class Format:
-    """How a format is written and proven; `content` makes what both take."""
+    """How a recording is saved in one format, and with its traces where the format has a place for them."""
 
-    content: Callable[[Cloud, Recording, bool], Any]
-    write: Callable[[Path, Any], None]
-    holds: Callable[[Path, Any], bool]
-    takes_traces: bool = False
+    save: Save
+    save_with_traces: Save | None = None
 
 
-def _table(cloud: Cloud, _recording: Recording, _waveforms: bool) -> Any:
-    return point_rows(cloud)
+def _saver(
+    content: Callable[[Cloud, Recording], T], write: Callable[[Path, T], None], holds: Callable[[Path, T], bool]
+) -> Save:
+    """Make the function that writes ``content`` safely and proves that the file holds it."""
+
+    def save(file: Path, cloud: Cloud, recording: Recording) -> None:
+        made = content(cloud, recording)
+        write_safely(file, lambda name: write(name, made), lambda name: holds(name, made))
+
+    return save
 
 
-def _arrays(cloud: Cloud, _recording: Recording, _waveforms: bool) -> Any:
-    return arrays_of(cloud)
+def _tree(cloud: Cloud, recording: Recording) -> Tree:
+    return Tree(arrays_of(cloud), recording, traces=False)
 
 
-def _tree(cloud: Cloud, recording: Recording, waveforms: bool) -> Any:
-    return Tree(arrays_of(cloud), recording, waveforms)
+def _tree_with_traces(cloud: Cloud, recording: Recording) -> Tree:
+    return Tree(arrays_of(cloud), recording, traces=True)
 
 
 FORMATS: dict[str, Format] = {
-    ".ply": Format(_table, write_ply, holds_ply),
-    ".csv": Format(_table, write_csv, holds_csv),
-    ".npz": Format(_arrays, write_npz, holds_npz),
-    ".las": Format(_table, write_las, holds_las),
-    ".h5": Format(_tree, write_h5, holds_h5, takes_traces=True),
-    ".zarr": Format(_tree, write_zarr, holds_zarr, takes_traces=True),
+    ".ply": Format(_saver(lambda cloud, _: point_rows(cloud), write_ply, holds_ply)),
+    ".csv": Format(_saver(lambda cloud, _: point_rows(cloud), write_csv, holds_csv)),
+    ".npz": Format(_saver(lambda cloud, _: arrays_of(cloud), write_npz, holds_npz)),
+    ".las": Format(_saver(lambda cloud, _: point_rows(cloud), write_las, holds_las)),
+    ".h5": Format(_saver(_tree, write_h5, holds_h5), _saver(_tree_with_traces, write_h5, holds_h5)),
+    ".zarr": Format(_saver(_tree, write_zarr, holds_zarr), _saver(_tree_with_traces, write_zarr, holds_zarr)),
 }

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 
 from picoradar.instrument.files.export.optional import library
-from picoradar.instrument.files.export.tree import Tree
+from picoradar.instrument.files.export.tree import Node, Tree
 
 
 def write_h5(path: Path, tree: Tree) -> None:
@@ -23,7 +23,13 @@ def holds_h5(path: Path, tree: Tree) -> bool:
         return tree.held_by(root)
 
 
-def _make(group: Any, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> Any:
+class Hdf5Group(Node, Protocol):
+    """A group that makes arrays."""
+
+    def create_dataset(self, name: str, **options: object) -> Node: ...
+
+
+def _make(group: Hdf5Group, name: str, shape: tuple[int, ...], dtype: np.dtype[np.generic]) -> Node:
     large = int(np.prod(shape)) > 0 and name == "sums"
-    packed: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if large else {}
+    packed: dict[str, object] = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if large else {}
     return group.create_dataset(name, shape=shape, dtype=dtype, track_times=False, **packed)

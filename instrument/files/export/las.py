@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +41,7 @@ def write_las(path: Path, table: NDArray[np.void]) -> None:
 
 def holds_las(path: Path, table: NDArray[np.void]) -> bool:
     """Return whether a file reads back as the table, coordinates to half a step."""
-    las: Any = library("laspy", path).read(str(path))
+    las = library("laspy", path).read(str(path))
     if len(las.points) != len(table):
         return False
     near = all(

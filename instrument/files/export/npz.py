@@ -1,4 +1,4 @@
-"""NumPy's own archive: all that is known of each point, with its covariance."""
+"""NumPy's own archive: everything known about each point, with its covariance."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from picoradar.instrument.recording import Cloud
 
 
 def arrays_of(cloud: Cloud) -> dict[str, NDArray[np.generic]]:
-    """Return the arrays of an archive by name, places without a range left out."""
+    """Return the arrays of an archive by name, points without a range left out."""
     points = cloud.with_range()
     return {
         "points_mm": points.points_mm,

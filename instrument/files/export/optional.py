@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import importlib
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 from picoradar.instrument.files.export.errors import ExportError
 
 
-def library(name: str, path: Path) -> Any:
+def library(name: str, path: Path) -> ModuleType:
     """Import a library that is not part of a plain installation.
 
     Raises
@@ -21,4 +21,6 @@ def library(name: str, path: Path) -> Any:
         return importlib.import_module(name)
     except ImportError as error:
         remedy = "install it with: pip install 'picoradar[formats]'"
-        raise ExportError(f"{path}: {path.suffix} needs the library {name}, which is not here; {remedy}") from error
+        raise ExportError(
+            f"{path}: {path.suffix} needs the library {name}, which is not installed; {remedy}"
+        ) from error

@@ -1,4 +1,4 @@
-"""Write a file whole or not at all: temporary name beside it, fsync, read back, rename."""
+"""Write a file completely or not at all: temporary name beside it, fsync, read back, rename."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from picoradar.instrument.files.export.errors import ExportError
 
 
 def write_safely(path: Path, write: Callable[[Path], None], holds: Callable[[Path], bool]) -> None:
-    """Put a file (or a folder, for formats that are one) in place once it is proven.
+    """Put a file (or a folder, for formats that are folders) in place once it has been read back.
 
     Parameters
     ----------
     path : Path
-        Where it shall be; an older file there is replaced at the very end.
+        Its final path; an older file there is replaced at the very end.
     write : callable
         Writes to the temporary path given.
     holds : callable
-        Reads the temporary path back and tells whether it holds what was meant.
+        Reads the temporary path back and returns whether it holds what was written.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def write_safely(path: Path, write: Callable[[Path], None], holds: Callable[[Pat
 def _reads_back(holds: Callable[[Path], bool], temporary: Path) -> bool:
     try:
         return holds(temporary)
-    except ValueError:  # every reader's word for a file that it cannot make sense of
+    except ValueError:  # what every reader raises for a file that it cannot read
         return False
 
 

@@ -19,11 +19,11 @@ POINT_ROW = np.dtype(
         ("column", "<u2"),
     ]
 )
-"""Coordinates in mm in the scanner frame; numbers as float64, so that nothing is lost on the way."""
+"""Coordinates in mm in the scanner frame; numbers as float64, so that nothing is lost."""
 
 
 def point_rows(cloud: Cloud) -> NDArray[np.void]:
-    """Return the (N,) table of the places that carry a point."""
+    """Return the (N,) table of the points with a range."""
     points = cloud.with_range()
     table = np.empty(len(points), dtype=POINT_ROW)
     table["x"], table["y"], table["z"] = points.points_mm.T

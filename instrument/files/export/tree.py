@@ -1,18 +1,18 @@
-"""What HDF5 and Zarr hold alike: a tree of two groups, ``points`` and (if asked for) ``traces`` or ``windows``.
+"""The common content of HDF5 and Zarr: a tree of two groups, ``points`` and (optionally) ``traces`` or ``windows``.
 
-``points`` has the arrays of `npz`, one entry a place with a range. ``traces`` has one entry a place
-of the scan, with a range or not: ``sums`` (M, S) of the A/D codes over ``sweeps`` sweeps, ``row``, ``column`` and
+``points`` has the arrays of `npz`, one entry per point with a range. ``traces`` has one entry per point
+of the scan, with a range or without: ``sums`` (M, S) of the A/D codes over ``sweeps`` sweeps, ``row``, ``column`` and
 ``flags``. Its attributes give the axis and the scale: the k-th sample is taken at start_ps + step_ps * k and is
-(sums / sweeps - zero_code) * mv_per_code mV. A scan in windows has the group of `windows` in its
-place. The root carries the recording's header as JSON text.
+(sums / sweeps - zero_code) * mv_per_code mV. A scan in windows has the group `windows` instead. The root carries the
+recording's header as JSON text.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, MutableMapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,21 @@ from picoradar.instrument.files.export.windows import window_arrays
 from picoradar.instrument.recording import Recording
 
 Arrays = dict[str, NDArray[np.generic]]
-MakeArray = Callable[[Any, str, tuple[int, ...], np.dtype[Any]], Any]
-"""(group, name, shape, dtype) to an empty array that takes slices."""
+
+
+class Node(Protocol):
+    """A group or an array, as h5py and zarr have them."""
+
+    @property
+    def attrs(self) -> MutableMapping[str, object]: ...
+    def create_group(self, name: str) -> Self: ...
+    def __getitem__(self, key: object, /) -> Self: ...
+    def __setitem__(self, key: object, value: object, /) -> None: ...
+
+
+G = TypeVar("G", bound=Node)
+MakeArray = Callable[[G, str, tuple[int, ...], np.dtype[np.generic]], Node]
+"""Makes an empty array from group, name, shape and dtype."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +47,7 @@ class Tree:
     recording: Recording
     traces: bool
 
-    def write(self, root: Any, make: MakeArray) -> None:
+    def write(self, root: G, make: MakeArray[G]) -> None:
         """Fill an empty root group."""
         root.attrs["header"] = json.dumps(self.recording.header, sort_keys=True)
         points = root.create_group("points")
@@ -54,7 +67,7 @@ class Tree:
             for name, values in arrays.items():
                 group[name][place] = values
 
-    def held_by(self, root: Any) -> bool:
+    def held_by(self, root: Node) -> bool:
         """Return whether a root group reads back as this tree."""
         if not all(_same(root["points"][name][...], values) for name, values in self.points.items()):
             return False
@@ -72,13 +85,13 @@ class Tree:
     def _windowed(self) -> bool:
         return any(self.recording.line(index).windows is not None for index in self.recording.done[:1])
 
-    def _write_windows(self, group: Any, make: MakeArray) -> None:
+    def _write_windows(self, group: G, make: MakeArray[G]) -> None:
         for name in ("zero_code", "mv_per_code"):
             group.attrs[name] = self.recording.trace[name]
         for name, values in window_arrays(self.recording):
             make(group, name, values.shape, values.dtype)[...] = values
 
-    def _trace_shapes(self) -> dict[str, tuple[tuple[int, ...], np.dtype[Any]]]:
+    def _trace_shapes(self) -> dict[str, tuple[tuple[int, ...], np.dtype[np.generic]]]:
         first = next(self._blocks(), None)
         if first is None:
             raise ExportError(f"{self.recording.path}: holds no line, so there are no traces to export")
@@ -99,11 +112,11 @@ class Tree:
             }
             if read_traces:
                 if line.sums is None:
-                    raise ExportError(f"{self.recording.path}: was recorded without traces; leave --waveforms away")
+                    raise ExportError(f"{self.recording.path}: was recorded without traces; leave out --waveforms")
                 arrays["sums"] = line.sums
             yield place, arrays
 
 
-def _same(found: Any, meant: NDArray[np.generic]) -> bool:
+def _same(found: object, meant: NDArray[np.generic]) -> bool:
     values = np.asarray(found)
     return values.dtype == meant.dtype and values.shape == meant.shape and values.tobytes() == meant.tobytes()

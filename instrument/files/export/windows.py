@@ -1,9 +1,9 @@
 """The raw windows of a scan as plain arrays.
 
-One entry a window, two windows a record (reference, then echo): ``row``, ``column``, ``echo`` (0 or 1), ``retaken``,
-``clipped``, ``start_fs``, ``step_fs``, ``samples``, ``sweeps``, and ``first``, where its samples begin in ``sums``: the
-sums of the A/D codes of all windows, one after the other. The k-th sample of a window was taken start_fs + step_fs * k
-after the trigger and is (sums[first + k] / sweeps - zero_code) * mv_per_code mV.
+One entry per window, two windows per record (reference, then echo): ``row``, ``column``, ``echo`` (0 or 1),
+``retaken``, ``clipped``, ``start_fs``, ``step_fs``, ``samples``, ``sweeps``, and ``first``, where its samples begin in
+``sums``: the sums of the A/D codes of all windows, one after the other. The k-th sample of a window was taken
+start_fs + step_fs * k after the trigger and is (sums[first + k] / sweeps - zero_code) * mv_per_code mV.
 """
 
 from __future__ import annotations

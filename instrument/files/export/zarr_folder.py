@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 
 from picoradar.instrument.files.export.optional import library
-from picoradar.instrument.files.export.tree import Tree
+from picoradar.instrument.files.export.tree import Node, Tree
 
 _CHUNK_ROWS = 4096
 
@@ -23,6 +23,12 @@ def holds_zarr(path: Path, tree: Tree) -> bool:
     return tree.held_by(library("zarr", path).open_group(str(path), mode="r"))
 
 
-def _make(group: Any, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> Any:
+class ZarrGroup(Node, Protocol):
+    """A group that makes arrays."""
+
+    def create_array(self, name: str, **options: object) -> Node: ...
+
+
+def _make(group: ZarrGroup, name: str, shape: tuple[int, ...], dtype: np.dtype[np.generic]) -> Node:
     chunks = (max(1, min(shape[0], _CHUNK_ROWS)), *(max(1, length) for length in shape[1:]))
     return group.create_array(name, shape=shape, dtype=dtype, chunks=chunks)

@@ -23,7 +23,7 @@ _RESPONSES = ("response_mv", "response")
 
 @dataclass(frozen=True)
 class PointFile:
-    """Points and what else the file says about them.
+    """Points, and what else the file says about them.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ def read_points(path: str | os.PathLike[str]) -> PointFile:
     Parameters
     ----------
     path : path
-        A recording (known by its content) or a ``.ply``, ``.csv``, ``.xyz`` or ``.npz`` file.
+        A recording (recognised by its content) or a ``.ply``, ``.csv``, ``.xyz`` or ``.npz`` file.
 
     Raises
     ------

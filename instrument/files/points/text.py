@@ -13,7 +13,7 @@ from picoradar.instrument.files.points.errors import PointFileError
 
 _SEPARATORS = re.compile(r"[,;\s]+")
 _COMMENT = re.compile(r"#|//|%")
-_REMEDY = "give one point a line: x, y, z in mm, and a header row if there are more columns"
+_REMEDY = "give one point per line: x, y, z in mm, and a header row if there are more columns"
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ def read_text(path: Path) -> Columns:
     Raises
     ------
     PointFileError
-        With the line at which it stops being one.
+        With the first line that is not a point.
     OSError
         If it cannot be read.
     """
