@@ -1,21 +1,67 @@
-"""How many rooms the house has and how many arrows run between them; a room is a child of one of the four packages.
+"""Rooms and sizes of the house: what `./run check` measures and limits.
 
     python benchmarks/rooms.py            # ./run check calls it; PYTHONPATH must lead to the package as one tree
+    python benchmarks/rooms.py --all      # name every place over a limit, also in packages where it is not enforced
 
-Exit status 1 when the rooms of drivers, registration and instrument are more than 45, or their arrows more than 160.
-That no arrow runs upwards is the import contracts' business (pyproject.toml).
+A room is a child of one of the four packages; an arrow leads from a room to another one that it imports. That no arrow
+runs upwards is the business of the import contracts (pyproject.toml). Exit status 1 when an enforced limit is exceeded.
 """
 
 from __future__ import annotations
 
+import ast
+import io
 import sys
+import tokenize
 from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
 
 import grimp
 
-COUNTED = ("drivers", "registration", "instrument")
-BESIDE = ("sim",)
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("drivers", "registration", "instrument", "sim")
+COUNTED = ("drivers", "registration", "instrument")  # their rooms and arrows are limited; sim is printed beside them
 MAX_ROOMS, MAX_ARROWS = 45, 160
+
+MAX_FILE_LINES = 250
+MAX_FUNCTION_LINES = 60
+MAX_PARAMETERS = 7
+MAX_ANY_LINES = 80
+MAX_TYPE_IGNORES = 8
+
+ENFORCED_IN = (
+    "drivers/",
+    "sim/",
+    "instrument/bench/",
+    "instrument/calibration/",
+    "instrument/files/",
+    "instrument/settings/",
+)
+"""Folders in which the sizes are enforced; elsewhere they are printed, until the code there obeys them."""
+ENFORCE_ANY = False
+"""Whether the number of lines with Any is enforced; until then it is printed."""
+
+TABLES = ("instrument/controller/interlocks.py:interlocks",)
+"""Functions that are tables of data."""
+ENTRY_POINTS = ("register", "paired_points", "estimate", "prepare_model", "load_model", "SimulatedBench")
+"""Entry points of the library, whose keyword arguments are a contract."""
+COMMANDS = ("instrument/cli/commands/", "instrument/cli/main.py")
+"""Where the signature of a function is the command line."""
+
+
+@dataclass(frozen=True)
+class Excess:
+    """A place that exceeds a limit."""
+
+    place: str
+    what: str
+
+    @property
+    def enforced(self) -> bool:
+        """Get whether it lies where the limits are enforced."""
+        return self.place.startswith(ENFORCED_IN)
 
 
 def rooms_and_arrows(graph: grimp.ImportGraph, package: str) -> tuple[int, int]:
@@ -35,14 +81,91 @@ def room_of(module: str) -> str:
     return ".".join(module.split(".")[:3])
 
 
-def main() -> int:
+def source_files() -> list[Path]:
+    """Get the source files of the four packages."""
+    return [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
+
+
+def functions(tree: ast.Module) -> Iterator[ast.FunctionDef | ast.AsyncFunctionDef]:
+    """Get every function and method of a module."""
+    return (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
+
+
+def excesses(path: Path) -> Iterator[Excess]:
+    """Find what exceeds a limit in a file."""
+    name, text = path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8")
+    if (lines := len(text.splitlines())) > MAX_FILE_LINES:
+        yield Excess(name, f"{lines} lines (at most {MAX_FILE_LINES})")
+    for function in functions(ast.parse(text)):
+        place = f"{name}:{function.name}"
+        length = (function.end_lineno or function.lineno) - function.lineno + 1
+        if length > MAX_FUNCTION_LINES and place not in TABLES:
+            yield Excess(place, f"{length} lines (at most {MAX_FUNCTION_LINES})")
+        if name.startswith(COMMANDS) or function.name in ENTRY_POINTS:
+            continue
+        if (count := len(parameters(function))) > MAX_PARAMETERS:
+            yield Excess(place, f"{count} parameters (at most {MAX_PARAMETERS})")
+        for argument in positional_booleans(function):
+            yield Excess(place, f"boolean {argument} is positional")
+
+
+def parameters(function: ast.FunctionDef | ast.AsyncFunctionDef) -> list[ast.arg]:
+    """Get the parameters of a function without self and cls."""
+    arguments = function.args
+    every = [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs]
+    return [argument for argument in every if argument.arg not in ("self", "cls")]
+
+
+def positional_booleans(function: ast.FunctionDef | ast.AsyncFunctionDef) -> list[str]:
+    """Get the names of boolean parameters that can be given by position; setters of properties have no choice."""
+    if any(isinstance(d, ast.Attribute) and d.attr == "setter" for d in function.decorator_list):
+        return []
+    positional = [a for a in (*function.args.posonlyargs, *function.args.args) if a.annotation]
+    return [a.arg for a in positional if a.annotation and ast.unparse(a.annotation) in ("bool", "bool | None")]
+
+
+def any_and_ignores(path: Path) -> tuple[int, int]:
+    """Count the lines of code with Any, and the comments that switch the type checker off."""
+    any_lines, ignores = set(), 0
+    for token in tokenize.generate_tokens(io.StringIO(path.read_text(encoding="utf-8")).readline):
+        if token.type == tokenize.NAME and token.string == "Any":
+            any_lines.add(token.start[0])
+        elif token.type == tokenize.COMMENT and "type: ignore" in token.string:
+            ignores += 1
+    return len(any_lines), ignores
+
+
+def report_rooms() -> bool:
+    """Print rooms and arrows; get whether they are within their limits."""
     graph = grimp.build_graph("picoradar")
-    counts = {package: rooms_and_arrows(graph, package) for package in (*COUNTED, *BESIDE)}
+    counts = {package: rooms_and_arrows(graph, package) for package in PACKAGES}
     rooms, arrows = (sum(counts[package][k] for package in COUNTED) for k in (0, 1))
     for package, (some, between) in counts.items():
         print(f"{package:>14}: {some:3} rooms, {between:3} arrows")
     print(f"{'without sim':>14}: {rooms:3} rooms (at most {MAX_ROOMS}), {arrows:3} arrows (at most {MAX_ARROWS})")
-    return int(rooms > MAX_ROOMS or arrows > MAX_ARROWS)
+    return rooms <= MAX_ROOMS and arrows <= MAX_ARROWS
+
+
+def report_sizes(*, every: bool) -> bool:
+    """Print sizes; get whether those that are enforced are within their limits."""
+    files = source_files()
+    found = [excess for path in files for excess in excesses(path)]
+    enforced = [excess for excess in found if excess.enforced]
+    for excess in found if every else enforced:
+        print(f"  {excess.place}: {excess.what}")
+    for package in PACKAGES:
+        count = sum(excess.place.startswith(f"{package}/") for excess in found)
+        print(f"{package:>14}: {count:3} places over a limit of size")
+    print(f"{'all four':>14}: {len(enforced):3} of these where it is enforced (none may be)")
+    any_lines, ignores = (sum(counts) for counts in zip(*map(any_and_ignores, files), strict=True))
+    print(f"{'':>14}  {any_lines:3} lines with Any (at most {MAX_ANY_LINES}; enforced: {ENFORCE_ANY})")
+    print(f"{'':>14}  {ignores:3} type: ignore (at most {MAX_TYPE_IGNORES})")
+    return not enforced and ignores <= MAX_TYPE_IGNORES and (any_lines <= MAX_ANY_LINES or not ENFORCE_ANY)
+
+
+def main() -> int:
+    within = [report_rooms(), report_sizes(every="--all" in sys.argv[1:])]
+    return int(not all(within))
 
 
 if __name__ == "__main__":

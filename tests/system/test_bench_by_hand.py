@@ -99,7 +99,8 @@ def test_a_person_is_asked_for_each_target_or_reading(
     stage = Hands(Person(bench.controller.rest, script), script, SimulatedStage(bench.simulated))  # type: ignore[arg-type]
     questions, run = SMALL[name]
     outcome = run(station_of(bench, stage, tmp_path))
-    asked = [line for line in capsys.readouterr().err.splitlines() if "q: stop" in line or "Where does" in line]
+    lines = capsys.readouterr().err.splitlines()
+    asked = [line for line in lines if "q: stop" in line or "Position of the spot" in line]
     assert "no range" not in outcome.findings[0]
     assert len(asked) == questions + (1 if name == "scanner" else 0), asked
     script.say(None)
