@@ -1,13 +1,14 @@
 """A picosecond pulsed laser radar, and the pose of a bone in a preoperative model.
 
 Four packages, each usable alone: `drivers`, `registration`, `sim` and `instrument`.
-The names below are what a notebook needs; each is imported when it is asked for.
+The names below are what a notebook needs; each is imported on first use.
 """
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from picoradar._lazy import lazy_names
 
 if TYPE_CHECKING:
     from picoradar.instrument.ranging import estimate
@@ -28,12 +29,4 @@ _HOMES = {
     "register": "registration",
 }
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'picoradar' has no attribute {name!r}")
-    return getattr(import_module(f"picoradar.{_HOMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = lazy_names(__name__, _HOMES, "__version__")

@@ -7,15 +7,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from picoradar._lazy import lazy_names
+
 if TYPE_CHECKING:
     from picoradar.sim.bench import SimulatedBench
 
 __all__ = ["SimulatedBench"]
 
 
-def __getattr__(name: str) -> object:
-    if name == "SimulatedBench":
-        from picoradar.sim.bench import SimulatedBench
-
-        return SimulatedBench
-    raise AttributeError(f"module 'picoradar.sim' has no attribute {name!r}")
+__getattr__, __dir__ = lazy_names(__name__, {"SimulatedBench": "bench"})

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from picoradar._lazy import lazy_names
+
 if TYPE_CHECKING:
     from picoradar.sim.faults.fault import At, Fault
     from picoradar.sim.faults.injector import arm
@@ -15,10 +17,5 @@ __all__ = ["KINDS", "At", "Fault", "arm", "load_scenario"]
 _HOMES = {"At": "fault", "Fault": "fault", "arm": "injector", "KINDS": "kinds", "load_scenario": "scenario"}
 
 
-def __getattr__(name: str) -> object:
-    # The kinds need the whole bench, which takes a moment to load: each name is imported when it is first used.
-    if name in _HOMES:
-        from importlib import import_module
-
-        return getattr(import_module(f"picoradar.sim.faults.{_HOMES[name]}"), name)
-    raise AttributeError(f"module 'picoradar.sim.faults' has no attribute {name!r}")
+# The kinds need the whole bench, which takes a moment to load: each name is imported on first use.
+__getattr__, __dir__ = lazy_names(__name__, _HOMES)
