@@ -60,6 +60,17 @@ class LimitError(DeviceError, ValueError):
 def check_range(device: str, quantity: str, value: float, minimum: float, maximum: float, unit: str = "") -> float:
     """Return ``value`` if it lies in the closed range from ``minimum`` to ``maximum``.
 
+    Parameters
+    ----------
+    device : str
+        The device's name for the message.
+    quantity : str
+        Name of the value for the message.
+    value : float
+    minimum, maximum : float
+    unit : str, optional
+        For the message.
+
     Raises
     ------
     LimitError

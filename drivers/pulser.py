@@ -88,6 +88,13 @@ class Pulser:
     def configure(self, *, prf_hz: float, drive_v: float) -> None:
         """Switch everything off, set rate (Hz, 20e3 to 240e3) and drive voltage (V, 240 to 330), and read both back.
 
+        Parameters
+        ----------
+        prf_hz : float
+            20e3 to 240e3.
+        drive_v : float
+            240 to 330.
+
         Raises
         ------
         LimitError

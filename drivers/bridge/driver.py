@@ -129,6 +129,15 @@ class SamplingBridge(TriggerGate):
     def configure_windows(self, *, prf_hz: float, settle_shots: int, on_advance: bool = False) -> None:
         """Take records in windows (SBP 1.1), with ``on_advance`` each at an edge of the advance input. Read back.
 
+        Parameters
+        ----------
+        prf_hz : float
+            Rate of the external trigger.
+        settle_shots : int
+            Shots discarded before each sweep.
+        on_advance : bool
+            Whether each record waits for an edge of the advance input.
+
         Raises
         ------
         LimitError

@@ -42,6 +42,14 @@ class BridgeRequests:
     def block(self, request: Request, size: int, decode: Callable[[bytes], _Block]) -> _Block:
         """Get a block of the device.
 
+        Parameters
+        ----------
+        request : Request
+        size : int
+            Largest answer, bytes.
+        decode : callable
+            Makes the block from its bytes.
+
         Raises
         ------
         ProtocolError
@@ -54,6 +62,14 @@ class BridgeRequests:
 
     def order(self, request: Request, value: int, data: bytes = b"") -> None:
         """Send a request that changes the state of the device.
+
+        Parameters
+        ----------
+        request : Request
+        value : int
+            wValue.
+        data : bytes
+            Data stage.
 
         Raises
         ------

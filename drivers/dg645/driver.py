@@ -154,7 +154,13 @@ class DG645(Dg645Session):
         self.configure(f"DLAY {_settable(self.device, channel)},{reference:d},{format_number(delay_s)}")
 
     def delay(self, channel: Channel) -> Delay:
-        """Get reference and delay (s) of a channel."""
+        """Get reference and delay (s) of a channel.
+
+        Raises
+        ------
+        ProtocolError
+            When the reply is not a delay.
+        """
         text = self.query(f"DLAY?{channel:d}")
         try:
             return parse_delay(text)

@@ -84,7 +84,19 @@ class Dg645Session(SerialSession):
         return self._parsed(self.query(query), query, read_number, "a number")
 
     def integer(self, query: str, *, minimum: int, maximum: int) -> int:
-        """Send a query whose reply is an integer in a known range."""
+        """Send a query whose reply is an integer in a known range.
+
+        Parameters
+        ----------
+        query : str
+        minimum, maximum : int
+            Range of the reply.
+
+        Raises
+        ------
+        ProtocolError
+            When the reply is not an integer in that range.
+        """
         number = self.number(query)
         if not (minimum <= number <= maximum and number == int(number)):
             raise self._unexpected(f"{number:g}", query, f"an integer from {minimum} to {maximum}")

@@ -13,7 +13,6 @@ from enum import IntEnum, IntFlag
 COMMAND_END = b"\n"
 REPLY_END = b"\r\n"
 QUEUE_LENGTH = 20
-RESOLUTION_S = 5e-12
 
 ERRORS = {
     0: "no error",

@@ -120,7 +120,13 @@ class Genesys(GenesysSession):
         self.command(f"SENA {status:02X}")
 
     def state(self) -> SupplyState:
-        """Measure set points, output and both registers in one exchange (``STT?``)."""
+        """Measure set points, output and both registers in one exchange (``STT?``).
+
+        Raises
+        ------
+        ProtocolError
+            When the reply has not the expected form.
+        """
         text = self.query("STT?")
         try:
             return parse_state(text)
@@ -170,6 +176,13 @@ class Genesys(GenesysSession):
         """Set the limits, with the set point as low as they allow, and read them back.
 
         The set point is lowered first, because the supply refuses limits that contradict it.
+
+        Parameters
+        ----------
+        overvoltage_v, undervoltage_v : float
+            Over-voltage trip, and under-voltage limit of the set point.
+        current_a : float
+            Current limit.
 
         Raises
         ------

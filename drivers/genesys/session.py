@@ -60,7 +60,15 @@ class GenesysSession(SerialSession):
         return reply
 
     def command(self, text: str) -> None:
-        """Send a set command and make sure that the supply says ``OK``."""
+        """Send a set command and make sure that the supply says ``OK``.
+
+        Raises
+        ------
+        DeviceFault
+            When the supply refuses it; ``code`` is the supply's.
+        ProtocolError
+            When it answers something else.
+        """
         reply = self.query(text)
         if reply != "OK":
             raise self._unexpected(reply, text, "OK")
@@ -77,7 +85,13 @@ class GenesysSession(SerialSession):
         self.command(f"{key} {format_number(value)}")
 
     def get_register(self, key: str) -> int:
-        """Query the register (two hex digits) of a mnemonic."""
+        """Query the register (two hex digits) of a mnemonic.
+
+        Raises
+        ------
+        ProtocolError
+            When the reply is not two hex digits.
+        """
         text = self.query(f"{key}?")
         if len(text) != 2 or text.strip("0123456789ABCDEF"):
             raise self._unexpected(text, f"{key}?", "two hex digits")

@@ -94,6 +94,13 @@ def encode(text: str, *, with_checksum: bool = False) -> bytes:
 def decode(line: bytes, *, with_checksum: bool = False) -> str:
     """Get the text of one reply.
 
+    Parameters
+    ----------
+    line : bytes
+        With or without its end.
+    with_checksum : bool
+        Whether a check sum is due; one that is there is checked in any case.
+
     Raises
     ------
     ValueError

@@ -28,7 +28,7 @@ BUSY_LIMIT_S = 1.0  # longest wait for a free buffer
 
 
 def helios_link(clock: Clock, backend: object | None = None) -> UsbLink:
-    """Make the link to a Helios DAC; it has no serial number, only a name tells several apart."""
+    """Make the link to a Helios DAC; it has no serial number, several are distinguished by name only."""
     identity = UsbIdentity(wire.VENDOR_ID, wire.PRODUCT_ID)
     return UsbLink(identity, clock, device="Helios DAC", alternate=1, backend=backend)
 
@@ -59,7 +59,7 @@ class Helios:
         return wire.CODES
 
     def open(self) -> None:
-        """Open the link in the order of the maker's SDK, and stop whatever may be playing.
+        """Open the link in the order of the manufacturer's SDK, and stop whatever may be playing.
 
         Raises
         ------
@@ -109,7 +109,15 @@ class Helios:
         return wire.decode_name(self._ask(Command.NAME, Answer.NAME, 2, QUERY_S)[1:])
 
     def set_name(self, name: str) -> None:
-        """Set the name of the unit (1 to 20 ASCII characters) and read it back."""
+        """Set the name of the unit (1 to 20 ASCII characters) and read it back.
+
+        Raises
+        ------
+        LimitError
+            When the name is empty, too long or not ASCII; nothing was sent.
+        DeviceFault
+            When the name read back differs.
+        """
         try:
             data = wire.encode_name(name)
         except ValueError as error:
@@ -160,7 +168,13 @@ class Helios:
         self._play(frame)
 
     def park(self) -> None:
-        """Send the mirrors to the centre, wait until the frame has been played, and verify that it was."""
+        """Send the mirrors to the centre, wait until the frame has been played, and verify that it was.
+
+        Raises
+        ------
+        DeviceFault
+            When the controller is still busy afterwards.
+        """
         self.stop()
         frame = wire.point_frame(wire.CENTRE, wire.CENTRE)
         self._play(frame)

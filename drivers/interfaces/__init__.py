@@ -1,7 +1,7 @@
 """What the controller may rely on, whoever made a device.
 
-Each protocol is small on purpose: a device of another maker is one new folder that satisfies it, and one line in the
-settings. Every method that switches something reads the result back from the device before it returns.
+Each protocol is small on purpose: a device of another manufacturer is one new folder that satisfies it, and one line
+in the settings. Every method that switches something reads the result back from the device before it returns.
 """
 
 from picoradar.drivers.interfaces.device import Device, Identity

@@ -41,4 +41,4 @@ class Device(Protocol):
         """Bring the device into its safe state as far as the link allows, and close the link."""
 
     def identify(self) -> Identity:
-        """Get maker's model, serial number and firmware."""
+        """Get manufacturer's model, serial number and firmware."""

@@ -40,7 +40,7 @@ InterfaceDetails = TypedDict(
 
 
 class EventDetails(TypedDict, total=False):
-    """What an event may tell beside its bytes; which keys there are depends on its kind."""
+    """Details of an event beside its bytes; the keys depend on its kind."""
 
     url: str
     baud: int

@@ -66,7 +66,7 @@ class UsbEndpoint(Protocol):
 
 @dataclass(frozen=True)
 class UsbIdentity:
-    """What tells the wanted device from the others on the bus.
+    """What distinguishes the wanted device from the others on the bus.
 
     Attributes
     ----------

@@ -130,6 +130,13 @@ def encode_answer(tag: int, data: bytes, *, attributes: int) -> bytes:
 def decode_answer(transfer: bytes, tag: int) -> tuple[bytes, bool]:
     """Read a DEV_DEP_MSG_IN transfer.
 
+    Parameters
+    ----------
+    transfer : bytes
+        With its header.
+    tag : int
+        bTag of the request.
+
     Returns
     -------
     data : bytes

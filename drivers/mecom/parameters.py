@@ -1,6 +1,6 @@
 """The parameters of Meerstetter TEC-1089 / 1091 that this bench uses (protocol sheet ``mecom_tec``).
 
-One row per parameter; driver and simulated firmware use the same table, which stands for the maker's document.
+One row per parameter; driver and simulated firmware use the same table, which stands for the manufacturer's document.
 Where the sheet gives no limits they are those of the type.
 """
 

@@ -95,7 +95,20 @@ class MeCom:
         return self._value(row, digits[:8]), self._value(row, digits[8:])
 
     def metadata(self, number: int, *, instance: int = 1) -> Metadata:
-        """Get what the device reports about a parameter (``?VM``)."""
+        """Get what the device reports about a parameter (``?VM``).
+
+        Parameters
+        ----------
+        number : int
+            Id of the parameter.
+        instance : int
+            Channel.
+
+        Raises
+        ------
+        ProtocolError
+            When the answer has not the expected form.
+        """
         row = PARAMETERS[number]
         digits = self._of_length(f"?VM{number:04X}{instance:02X}", 38)
         try:

@@ -113,7 +113,7 @@ class Oscilloscope:
             self.gate.close()
 
     def identify(self) -> Identity:
-        """Get maker and model, serial number and firmware, as read at opening."""
+        """Get manufacturer and model, serial number and firmware, as read at opening."""
         return self._identity
 
     def configure(self, sweep: SweepSettings) -> None:

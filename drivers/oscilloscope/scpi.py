@@ -36,6 +36,12 @@ class ScpiSession:
     def set(self, header: str, value: float) -> None:
         """Set a number and read it back.
 
+        Parameters
+        ----------
+        header : str
+            SCPI header, with its leading colon.
+        value : float
+
         Raises
         ------
         ProtocolError

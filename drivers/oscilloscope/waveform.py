@@ -116,6 +116,13 @@ def decode_block(message: bytes) -> bytes:
 def decode_words(block: bytes, preamble: Preamble) -> NDArray[np.int16]:
     """Get the (points,) codes of a block of WORDs, least significant byte first.
 
+    Parameters
+    ----------
+    block : bytes
+        Two bytes per point.
+    preamble : Preamble
+        Scale and number of points.
+
     Raises
     ------
     BadWaveform

@@ -1,4 +1,4 @@
-"""The heater controller Thorlabs TC200: another maker's device behind the same interface."""
+"""The heater controller Thorlabs TC200: another manufacturer's device behind the same interface."""
 
 from picoradar.drivers.tc200.driver import TC200
 from picoradar.drivers.tc200.wire import Mode, Sensor, Status

@@ -151,7 +151,15 @@ class TC200(Tc200Session):
         return Identity(model="TC200", firmware=text)
 
     def regulate(self, target_degc: float) -> None:
-        """Set the target (degC, 20 to the largest temperature) and switch the heater on; both read back."""
+        """Set the target (degC, 20 to the largest temperature) and switch the heater on; both read back.
+
+        Raises
+        ------
+        LimitError
+            When the target is out of range; nothing was sent.
+        DeviceFault
+            When the target or the heater reads back differently.
+        """
         self.target_degc = target_degc
         self._switch(on=True)
         if abs((found := self.target_degc) - target_degc) > 0.05:

@@ -144,6 +144,13 @@ def make_bench(
 def named_backend(name: str, address: str) -> object | None:
     """Make the pyusb backend ``module:function`` with its address; None (libusb) for an empty name.
 
+    Parameters
+    ----------
+    name : str
+        ``module:function``, one of `BACKENDS`; empty for libusb.
+    address : str
+        ``host:port``, the argument of that function.
+
     Raises
     ------
     BadInput

@@ -1,16 +1,7 @@
 """Calibrations: the file, its parts, its checks, and the scanner's geometry that it describes."""
 
 from picoradar.instrument.calibration.checks import differences, out_of_date
-from picoradar.instrument.calibration.file import (
-    METHODS,
-    Calibration,
-    GeometryUncertainty,
-    Method,
-    ScannerErrors,
-    ShotNoise,
-    Templates,
-    Walk,
-)
+from picoradar.instrument.calibration.file import METHODS, Calibration, Method
 from picoradar.instrument.calibration.geometry import (
     CENTRE_CODE,
     angles_and_range,
@@ -22,7 +13,14 @@ from picoradar.instrument.calibration.geometry import (
     points_from,
     true_angles,
 )
-from picoradar.instrument.calibration.parts import PEAK_ROOM_PS
+from picoradar.instrument.calibration.parts import (
+    PEAK_ROOM_PS,
+    GeometryUncertainty,
+    ScannerErrors,
+    ShotNoise,
+    Templates,
+    Walk,
+)
 
 __all__ = [
     "CENTRE_CODE",

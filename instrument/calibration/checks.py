@@ -1,4 +1,4 @@
-"""Whether a calibration still fits the instrument, and how two of them differ."""
+"""Whether a calibration is still valid for the instrument, and how two calibrations differ."""
 
 from __future__ import annotations
 
@@ -24,26 +24,28 @@ def out_of_date(
     serial_numbers: Mapping[str, str],
     now: datetime.datetime | None = None,
 ) -> list[str]:
-    """Say why a calibration does not fit the instrument any more; empty when it does.
+    """List why a calibration is no longer valid for the instrument; empty when it is valid.
 
     Parameters
     ----------
     calibration : Calibration
     settings : Settings
-        With the temperature at which the diode is to work.
+        With the operating temperature of the diode.
     serial_numbers : mapping
-        Device name to serial number, of those that answer now.
+        Device name to serial number, of the devices connected now.
     now : datetime, optional
-        To judge its age; None leaves the age out (a simulated bench does not age).
+        To check its age; None skips that (a simulated bench does not age).
     """
     reasons = []
     for device, number in calibration.serial_numbers.items():
         here = serial_numbers.get(device, "")
         if here and here != number:
-            reasons.append(f"made with {device} s/n {number}, now s/n {here} answers: run gray-target and geometry")
+            reasons.append(f"made with {device} s/n {number}, now s/n {here}: run gray-target and geometry")
     target = settings.diode.target_degc
     if calibration.diode_degc is not None and abs(calibration.diode_degc - target) > LARGEST_CHANGE_K:
-        reasons.append(f"made at {calibration.diode_degc:g} degC, the diode is to work at {target:g}: run gray-target")
+        reasons.append(
+            f"made at {calibration.diode_degc:g} degC, the diode's target is {target:g} degC: run gray-target"
+        )
     if now is not None and now - calibration.date > LARGEST_AGE:
         reasons.append(f"{(now - calibration.date).days} days old: run gray-target")
     if settings.scan.estimator == "template" and calibration.templates is None:
@@ -52,7 +54,7 @@ def out_of_date(
 
 
 def differences(before: Calibration, after: Calibration) -> dict[str, float | str | None]:
-    """Return what changes from one calibration to another: values, and the largest change of a range and of a point."""
+    """Return the differences between two calibrations: values, and the largest change of a range and of a point."""
     found: dict[str, float | str | None] = {
         "range_zero_mm": after.range_zero_mm - before.range_zero_mm,
         "mirror_separation_mm": after.mirror_separation_mm - before.mirror_separation_mm,
@@ -70,7 +72,7 @@ def differences(before: Calibration, after: Calibration) -> dict[str, float | st
 
 
 def _another(before: Calibration, after: Calibration) -> bool:
-    """Get whether a device that both name has changed."""
+    """Get whether a device that both calibrations name has changed."""
     return any(after.serial_numbers.get(name, number) != number for name, number in before.serial_numbers.items())
 
 
@@ -88,7 +90,7 @@ def _largest_range_change(before: Calibration, after: Calibration, method: Metho
 
 
 def _largest_point_change(before: Calibration, after: Calibration) -> float:
-    """Largest change of a point over a scan of 126 x 126 mm at 900 mm, ranging apart."""
+    """Largest change of a point over a scan of 126 x 126 mm at 900 mm, without the ranging."""
     x, y = np.meshgrid(np.linspace(-FIELD_RAD, FIELD_RAD, 9), np.linspace(-FIELD_RAD, FIELD_RAD, 9))
     asked = np.column_stack([x.ravel(), y.ravel()])
     ranges = np.full(len(asked), AT_MM)

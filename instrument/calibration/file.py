@@ -1,4 +1,4 @@
-"""`Calibration`: what was measured about one instrument, in a JSON file that recordings name by its digest."""
+"""`Calibration`: the measured properties of one instrument, in a JSON file that recordings refer to by its digest."""
 
 from __future__ import annotations
 
@@ -11,29 +11,14 @@ from typing import Literal, get_args
 from pydantic import Field, ValidationError, field_validator
 
 from picoradar.instrument.calibration.parts import (
-    PEAK_ROOM_PS,
     GeometryUncertainty,
     Part,
     ScannerErrors,
     ShotNoise,
     Templates,
     Walk,
-    WalkCorrection,
 )
 from picoradar.instrument.errors import BadInput
-
-__all__ = [
-    "METHODS",
-    "PEAK_ROOM_PS",
-    "Calibration",
-    "GeometryUncertainty",
-    "Method",
-    "ScannerErrors",
-    "ShotNoise",
-    "Templates",
-    "Walk",
-    "WalkCorrection",
-]
 
 Method = Literal["half-maximum", "template"]
 METHODS: tuple[Method, ...] = get_args(Method)
@@ -41,9 +26,9 @@ FORMAT: Literal[1] = 1
 
 
 class Calibration(Part):
-    """Everything that ranging and geometry must know of one instrument.
+    """Everything that ranging and geometry need to know about one instrument.
 
-    `digest` names the content: two files with the same values have the same digest whatever their layout.
+    `digest` identifies the content: two files with the same values have the same digest, whatever their layout.
     """
 
     format: Literal[1] = Field(FORMAT, description="version of this file's layout")
@@ -79,7 +64,7 @@ class Calibration(Part):
         return "sha256:" + hashlib.sha256(canonical.encode()).hexdigest()
 
     def save(self, path: Path) -> None:
-        """Write the calibration as JSON; a file that is there is replaced as a whole or not at all."""
+        """Write the calibration as JSON; an existing file is replaced completely or not at all."""
         partial = path.with_name(path.name + ".partial")
         partial.write_text(json.dumps(self.model_dump(mode="json"), indent=1) + "\n", encoding="utf-8")
         partial.replace(path)
@@ -103,12 +88,18 @@ class Calibration(Part):
 
     @classmethod
     def from_json(cls, text: str, source: str) -> Calibration:
-        """Check a calibration given as JSON text, for example out of a recording; ``source`` is for messages.
+        """Check a calibration given as JSON text, for example from a recording.
+
+        Parameters
+        ----------
+        text : str
+        source : str
+            Where it comes from, for the messages.
 
         Raises
         ------
         BadInput
-            As `load`.
+            With the source, the key, what was found and what is allowed.
         """
         try:
             return cls.model_validate_json(text)

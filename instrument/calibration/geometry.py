@@ -7,8 +7,8 @@ With L = range + e and optical angles tx, ty::
 
     x = L sin(tx)      y = (L cos(tx) - e) sin(ty)      z = (L cos(tx) - e) cos(ty)
 
-Unfold the beam at the second mirror: all beams of the first mirror lie in one plane through its axis point and fan
-out there, so x = L sin(tx) and L cos(tx) - e is the way past the second axis, which then turns about x.
+Unfolded at the second mirror, all beams of the first mirror lie in one plane and fan out from its axis: x = L sin(tx),
+and L cos(tx) - e is the path beyond the second axis, which turns about x.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from picoradar.drivers.errors import LimitError
-from picoradar.instrument.calibration.file import ScannerErrors
+from picoradar.instrument.calibration.parts import ScannerErrors
 
 FloatArray = NDArray[np.float64]
 CODES = 4096
@@ -26,6 +26,12 @@ CENTRE_CODE = 2048
 
 def codes_to_angles(codes: ArrayLike, field_deg: float) -> FloatArray:
     """Return the optical angles (..., rad) of galvo codes (..., integer): (code - 2048) / 4096 of the field.
+
+    Parameters
+    ----------
+    codes : (...) int array
+    field_deg : float
+        Optical angle over all codes.
 
     Raises
     ------
@@ -42,6 +48,12 @@ def codes_to_angles(codes: ArrayLike, field_deg: float) -> FloatArray:
 def angles_to_codes(angles_rad: ArrayLike, field_deg: float) -> NDArray[np.int64]:
     """Return the galvo codes (...) nearest to optical angles (..., rad).
 
+    Parameters
+    ----------
+    angles_rad : (...) float array
+    field_deg : float
+        Optical angle over all codes.
+
     Raises
     ------
     LimitError
@@ -56,18 +68,18 @@ def angles_to_codes(angles_rad: ArrayLike, field_deg: float) -> NDArray[np.int64
         raise LimitError(
             "galvo",
             f"an optical angle of {degrees:.3f} deg is outside its span of {minimum:.3f} to {maximum:.3f} deg",
-            "a smaller raster, a larger distance, or a larger field_deg",
+            "choose a smaller raster, a larger distance or a larger field_deg",
         )
     return np.asarray(np.rint(wanted), dtype=np.int64)
 
 
 def true_angles(angles_rad: ArrayLike, errors: ScannerErrors) -> FloatArray:
-    """Return the optical angles (N, 2) that the beam takes when (N, 2) were asked for."""
+    """Return the true optical angles (N, 2) of the beam for commanded angles (N, 2)."""
     return np.asarray(angles_rad, dtype=np.float64) @ _linear(errors).T + _offset(errors)
 
 
 def asked_angles(angles_rad: ArrayLike, errors: ScannerErrors) -> FloatArray:
-    """Return what to ask for so that the beam takes the optical angles (N, 2); inverse of `true_angles`."""
+    """Return the commanded angles (N, 2) that give true optical angles (N, 2); inverse of `true_angles`."""
     return (np.asarray(angles_rad, dtype=np.float64) - _offset(errors)) @ np.linalg.inv(_linear(errors)).T
 
 

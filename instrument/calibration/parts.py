@@ -1,4 +1,4 @@
-"""What a calibration consists of: walk, noise, pulse shapes, errors of the scanner and how well they are known."""
+"""The parts of a calibration: walk, noise, pulse shapes, errors of the scanner and their uncertainty."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ PEAK_ROOM_PS = 400.0
 
 
 class Part(BaseModel):
-    """Common to all parts: unknown keys, NaN and infinity are refused; values never change."""
+    """Base of all parts: unknown keys, NaN and infinity are refused; values never change."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class WalkCorrection(NamedTuple):
     """Timing walk at some responses: ``error_mm`` and its standard deviation ``sd_mm`` (both of the calibration, the
-    same for all readings at a response), ``slope_mm_per_mv``, and where the response lies ``inside`` the calibrated
+    same for all readings at a response), ``slope_mm_per_mv``, and whether the response is ``inside`` the calibrated
     range; each of the shape of the responses."""
 
     error_mm: NDArray[np.float64]
@@ -35,13 +35,13 @@ class Walk(Part):
 
     Between its knots the error is interpolated by PCHIP, which never leaves the interval of its two knots: a monotone
     table gives a monotone curve (Fritsch and Carlson, SIAM J. Numer. Anal. 17 (1980) 238). Outside the range the error
-    of the nearest end is used, its uncertainty grows by what the curve changed over the last interval for each such
-    interval further out, and the point is to be flagged.
+    of the nearest end is used, its uncertainty grows linearly by the change over the last interval per such interval,
+    and the point is to be flagged.
 
     Attributes
     ----------
     response_mv, error_mm, sd_mm : tuples of K >= 2 floats
-        Knots: response (increasing), what the range comes out too long by, and standard deviation of that.
+        Knots: response (increasing), range error (measured minus true), and its standard deviation.
     """
 
     response_mv: tuple[float, ...] = Field(min_length=2, description="response of the knots, increasing, mV")
@@ -111,9 +111,9 @@ class Templates(Part):
         Time of the first value of each shape, and step to the next.
     reference : tuple of N floats
     reference_mv : float
-        Amplitude at which the reference was seen.
+        Amplitude of the reference when it was learnt.
     response_mv : tuple of K floats
-        Amplitudes at which the echo was seen, increasing.
+        Amplitudes of the echoes when they were learnt, increasing.
     echoes : tuple of K tuples of N floats
         Its shape at each.
     """
@@ -139,10 +139,10 @@ class Templates(Part):
 
 
 class ScannerErrors(Part):
-    """How the optical angles of the two mirrors differ from those asked for.
+    """Deviations of the optical angles of the two mirrors from the commanded ones.
 
     ``true_x = (1 + x_scale) x + x_offset`` and ``true_y = (1 + y_scale) y + y_offset + non_orthogonality x``,
-    all angles in rad: linear in the errors, which is what a calibration at the 0.01 % level can see.
+    all angles in rad: linear in the errors, which suffices for a calibration at the 0.01 % level.
     """
 
     x_scale: float = Field(0.0, ge=-0.2, le=0.2, description="relative error of the first mirror's angle")
@@ -153,14 +153,14 @@ class ScannerErrors(Part):
 
 
 class GeometryUncertainty(Part):
-    """How well a geometry calibration knows what it has identified.
+    """Uncertainty of what a geometry calibration has identified.
 
     Attributes
     ----------
     parameters : tuple of K str
         Names of the identified parameters: those of `ScannerErrors`, ``mirror_separation_mm`` and ``range_zero_mm``.
     covariance : tuple of K tuples of K floats
-        Of them, in their units.
+        Their covariance, in their units.
     """
 
     parameters: tuple[str, ...] = Field(description="names of the parameters that the poses identified")
@@ -181,7 +181,7 @@ class GeometryUncertainty(Part):
         return {name: self.covariance[k][k] ** 0.5 for k, name in enumerate(self.parameters)}
 
     def without(self, name: str) -> GeometryUncertainty:
-        """Return the uncertainty of the others, when ``name`` has been measured anew in another way."""
+        """Return the uncertainty of the others, when ``name`` has been measured again in another way."""
         kept = [k for k, one in enumerate(self.parameters) if one != name]
         return GeometryUncertainty(
             parameters=tuple(self.parameters[k] for k in kept),

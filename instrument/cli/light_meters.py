@@ -47,6 +47,13 @@ class DetectorAndPowerMeter:
 def light_meters(run: Session, person: Person) -> DetectorAndPowerMeter:
     """Make the meters of a bench: the simulated one has a power meter, otherwise the person reads one.
 
+    Parameters
+    ----------
+    run : Session
+        The open bench.
+    person : Person
+        Who reads the power meter of real devices.
+
     Raises
     ------
     BadInput

@@ -125,6 +125,15 @@ def parse_pose(text: str | None) -> list[float] | None:
 def parse_numbers(text: str, count: int, option: str, form: str) -> list[float]:
     """Read ``count`` numbers separated by commas.
 
+    Parameters
+    ----------
+    text : str
+        Value of the option.
+    count : int
+        Number of numbers.
+    option, form : str
+        Name of the option and the expected form, for messages.
+
     Raises
     ------
     BadInput

@@ -36,6 +36,12 @@ class Person:
     def ask(self, question: str, wait: Wait | None = None) -> str:
         """Ask, and return the answer without surrounding blanks.
 
+        Parameters
+        ----------
+        question : str
+        wait : callable, optional
+            As in the constructor, for this question.
+
         Raises
         ------
         Interrupted

@@ -33,6 +33,13 @@ def load_scenario(path: Path) -> list[Fault]:
 def checked(entry: object, where: str) -> Fault:
     """Check one declaration against the kinds.
 
+    Parameters
+    ----------
+    entry : object
+        As read from the file.
+    where : str
+        File and number of the fault, for messages.
+
     Raises
     ------
     ValueError

@@ -82,6 +82,11 @@ class MirrorPair:
     def command(self, x: float, y: float) -> None:
         """Take a new command now; ``x`` and ``y`` in -1..+1 of the analogue span.
 
+        Parameters
+        ----------
+        x, y : float
+            Command of each axis.
+
         Raises
         ------
         ValueError

@@ -88,6 +88,12 @@ def place_target(target: Target, distance_mm: float, pose: Pose | None, rng: np.
 def build_scene(settings: SimulationSettings, noise: Noise) -> Scene:
     """Build the scene of the settings; random choices come from ``noise``.
 
+    Parameters
+    ----------
+    settings : SimulationSettings
+    noise : Noise
+        Streams of the bench.
+
     Raises
     ------
     ValueError

@@ -62,6 +62,11 @@ def add_tissue(bone: Target, centre: FloatArray, share: float, rng: np.random.Ge
     Returns
     -------
     Target
+
+    Raises
+    ------
+    ValueError
+        When the bone has no wall of a socket near the centre.
     """
     corners = bone.vertices[bone.faces]
     weights = _wall_areas(bone, centre, WALL_MM)

@@ -30,7 +30,7 @@ class EventLoop:
     Parameters
     ----------
     clock : VirtualClock
-        Time of the bench; nobody else may move it.
+        Time of the bench; nothing else may move it.
     speed : float
         Seconds of the bench per second of wall time.
     """

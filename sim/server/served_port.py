@@ -33,7 +33,7 @@ class ServedPort:
     Parameters
     ----------
     wire : SerialWire
-        The device's line; its host is from now on whoever opens one of the ports.
+        The device's line; its host is from now on the program that opens one of the ports.
     loop : EventLoop
     pty_name : Path or None
         Name for the pty; None where there are none (Windows).

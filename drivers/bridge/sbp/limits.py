@@ -23,6 +23,14 @@ def femtoseconds(time_ps: float) -> int:
 def check_sweep(device: str, sweep: SweepSettings, caps: Caps) -> None:
     """Check all values of a configuration.
 
+    Parameters
+    ----------
+    device : str
+        The device's name for messages.
+    sweep : SweepSettings
+    caps : Caps
+        Its limits.
+
     Raises
     ------
     LimitError
@@ -44,6 +52,16 @@ def check_sweep(device: str, sweep: SweepSettings, caps: Caps) -> None:
 def check_table(device: str, table: Sequence[Sequence[Window]], prf_hz: int, caps: Caps) -> None:
     """Check a table of windows.
 
+    Parameters
+    ----------
+    device : str
+        The device's name for messages.
+    table : sequence of sequences of Window
+        Windows of each record.
+    prf_hz : int
+    caps : Caps
+        Its limits.
+
     Raises
     ------
     LimitError
@@ -62,6 +80,15 @@ def check_table(device: str, table: Sequence[Sequence[Window]], prf_hz: int, cap
 
 def check_window(device: str, window: Window, prf_hz: int, caps: Caps) -> None:
     """Check start, step, samples and sweeps of one sweep or window.
+
+    Parameters
+    ----------
+    device : str
+        The device's name for messages.
+    window : Window
+    prf_hz : int
+    caps : Caps
+        Its limits.
 
     Raises
     ------

@@ -31,23 +31,17 @@ class RecordAssembler:
     caps : Caps
         Scale of the A/D.
     run_id : int
-        Frames of other runs are stale; they are dropped and counted.
+        Frames of other runs are stale and are dropped.
     config_crc : int
         CRC of the configuration that the frames have to carry.
     table : sequence of sequences of Window
         Windows of each record; the last row applies to all further records.
-
-    Attributes
-    ----------
-    stale : int
-        Frames of other runs so far.
     """
 
     caps: Caps
     run_id: int
     config_crc: int
     table: Sequence[Sequence[Window]]
-    stale: int = 0
     _sequence: int = 0
     _number: int = 0
     _frames: list[Frame] = field(default_factory=list)
@@ -61,7 +55,6 @@ class RecordAssembler:
             When a frame is missing before it, or it does not belong to what came before.
         """
         if frame.run_id != self.run_id:
-            self.stale += 1
             return None
         if frame.sequence != self._sequence:
             raise CorruptedRun(f"frame {self._sequence} of run {self.run_id} is missing: frame {frame.sequence} came")

@@ -33,6 +33,13 @@ def seal(body: bytes) -> bytes:
 def check_crc(name: str, block: bytes) -> None:
     """Check the CRC-32 in the last four bytes.
 
+    Parameters
+    ----------
+    name : str
+        Name of the block for messages.
+    block : bytes
+        With its CRC.
+
     Raises
     ------
     BadBlock
@@ -45,6 +52,17 @@ def check_crc(name: str, block: bytes) -> None:
 
 def open_block(name: str, data: bytes, magic: bytes, minimum: int) -> bytes:
     """Cut a block out of ``data`` by the length in its header, and check magic, version and CRC.
+
+    Parameters
+    ----------
+    name : str
+        Name of the block for messages.
+    data : bytes
+        What was received.
+    magic : bytes
+        First bytes of the block; empty for none.
+    minimum : int
+        Smallest length of the block.
 
     Raises
     ------

@@ -12,6 +12,13 @@ from picoradar.instrument.files.export.errors import ExportError
 def library(name: str, path: Path) -> ModuleType:
     """Import a library that is not part of a plain installation.
 
+    Parameters
+    ----------
+    name : str
+        Name of the module.
+    path : Path
+        File that needs it, for the message.
+
     Raises
     ------
     ExportError

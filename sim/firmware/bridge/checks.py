@@ -40,6 +40,13 @@ class Refused(Exception):
 def check_configuration(data: bytes, caps: Caps) -> Configuration:
     """Read the block of SET_CONFIG and check all its fields.
 
+    Parameters
+    ----------
+    data : bytes
+        The block.
+    caps : Caps
+        Limits of the device.
+
     Raises
     ------
     Refused
@@ -68,6 +75,14 @@ def check_configuration(data: bytes, caps: Caps) -> Configuration:
 def check_windows(data: bytes, prf_hz: int, caps: Caps) -> list[tuple[Window, ...]]:
     """Read the block of SET_WINDOWS and check its entries.
 
+    Parameters
+    ----------
+    data : bytes
+        The block.
+    prf_hz : int
+    caps : Caps
+        Limits of the device.
+
     Raises
     ------
     Refused
@@ -94,6 +109,13 @@ def check_windows(data: bytes, prf_hz: int, caps: Caps) -> list[tuple[Window, ..
 
 def check_window(window: Window, prf_hz: int, caps: Caps) -> None:
     """Check start, step, samples and sweeps.
+
+    Parameters
+    ----------
+    window : Window
+    prf_hz : int
+    caps : Caps
+        Limits of the device.
 
     Raises
     ------

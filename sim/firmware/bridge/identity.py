@@ -32,6 +32,13 @@ def descriptors(serial_number: str) -> Device:
 def blocks(version: int, serial_number: str) -> tuple[sbp.Info, sbp.Caps]:
     """Make the identity and capability blocks for a protocol version.
 
+    Parameters
+    ----------
+    version : int
+        0x0100 or 0x0101.
+    serial_number : str
+        Up to 16 ASCII characters.
+
     Raises
     ------
     ValueError

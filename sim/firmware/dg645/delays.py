@@ -20,7 +20,19 @@ class DelayTree:
         self.delay_ps = dict.fromkeys(range(FIRST, LAST + 1), 0)
 
     def set(self, channel: int, reference: int, delay_s: Decimal) -> None:
-        """Carry out ``DLAY``; nothing changes when it is refused."""
+        """Carry out ``DLAY``; nothing changes when it is refused.
+
+        Parameters
+        ----------
+        channel, reference : int
+            The channel, and the one that its delay counts from.
+        delay_s : Decimal
+
+        Raises
+        ------
+        Refused
+            With the error code of the sheet.
+        """
         self._check_link(channel, reference)
         before = self.reference[channel], self.delay_ps[channel]
         self.reference[channel] = reference

@@ -106,7 +106,13 @@ class Settings:
 
 
 def number(text: str) -> Decimal:
-    """Read a float as the device does."""
+    """Read a float as the device does.
+
+    Raises
+    ------
+    Refused
+        When it is not a number.
+    """
     _check_length(text)
     try:
         value = Decimal(text)
@@ -118,7 +124,13 @@ def number(text: str) -> Decimal:
 
 
 def integer(text: str) -> int:
-    """Read an integer as the device does."""
+    """Read an integer as the device does.
+
+    Raises
+    ------
+    Refused
+        When it is not an integer.
+    """
     _check_length(text)
     if not text.removeprefix("-").removeprefix("+").isdecimal():
         raise Refused(BAD_INTEGER)
@@ -129,7 +141,13 @@ def integer(text: str) -> int:
 
 
 def channel(text: str) -> int:
-    """Read the number of a delay channel."""
+    """Read the number of a delay channel.
+
+    Raises
+    ------
+    Refused
+        When there is no such channel.
+    """
     value = integer(text)
     if not 0 <= value <= 9:
         raise Refused(ILLEGAL_VALUE)

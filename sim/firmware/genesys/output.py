@@ -13,7 +13,6 @@ from picoradar.drivers.clock import Clock
 SOFT_START_S = 0.25  # from 0 to rated voltage
 DISCHARGE_S = 0.6
 LOAD_OHM = 23.4e3  # bleeder and pulser
-SETTLED_V = 0.01
 
 
 class Output:

@@ -28,21 +28,39 @@ def without_backspaces(text: str) -> str:
 
 
 def number(text: str) -> float:
-    """Read a number as the supply does: at most 12 characters, no sign."""
+    """Read a number as the supply does: at most 12 characters, no sign.
+
+    Raises
+    ------
+    Refused
+        With the error code of the sheet.
+    """
     if len(text) > LONGEST_NUMBER or not _NUMBER.fullmatch(text):
         raise Refused("C03")
     return float(text)
 
 
 def switch(text: str) -> bool:
-    """Read what switches on or off."""
+    """Read what switches on or off.
+
+    Raises
+    ------
+    Refused
+        With the error code of the sheet.
+    """
     if text not in ("0", "1", "ON", "OFF"):
         raise Refused("C03")
     return text in ("1", "ON")
 
 
 def two_hex_digits(text: str) -> int:
-    """Read a register."""
+    """Read a register.
+
+    Raises
+    ------
+    Refused
+        With the error code of the sheet.
+    """
     if not re.fullmatch(r"[0-9A-F]{2}", text):
         raise Refused("C03")
     return int(text, 16)

@@ -193,6 +193,11 @@ class _Pattern:
 def number(arguments: list[str], minimum: float, maximum: float) -> float:
     """Get the one number of a command.
 
+    Parameters
+    ----------
+    arguments : list of str
+    minimum, maximum : float
+
     Raises
     ------
     ScpiError
