@@ -25,13 +25,13 @@ class Result:
     device_s : float
         Device time of the whole run.
     struck_s : float or None
-        When the fault struck first; None when nothing ever met it.
+        When the fault first took effect; None when nothing ever met it.
     fault_to_dark_s : float or None
         From then until the light was out; None where there was no light then.
     seen_to_dark_s : float or None
-        From the moment at which a call of a driver showed it until the light was out.
+        From the moment at which a driver's call reported it until the light was out.
     off_verified : bool
-        Whether the way out said so.
+        Whether the safe shutdown reported the laser verified off.
     lit : bool
         Whether there was light at the end, by the bench itself.
     lost, wrong : int

@@ -15,7 +15,7 @@ def add_to(app: typer.Typer) -> None:
     """Register the subcommand."""
     example = "Example: picoradar reprocess scan.db -o better.db --estimator template"
     app.command(epilog=example)(reprocess)
-    app.command("rerange", epilog=example, hidden=True)(reprocess)  # its name in version 0.1
+    app.command("rerange", epilog=example, hidden=True)(reprocess)  # the earlier name
 
 
 def reprocess(
