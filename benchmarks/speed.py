@@ -3,8 +3,8 @@
     python benchmarks/digests.py scans scans/     # once: the scans that are registered
     python benchmarks/speed.py ../before . scans/ --pairs 20
 
-The two run in turn, A B A B ..., one thread each, so that a machine whose speed drifts slows down both alike. Printed is
-the median of the ratios after / before with the upper end of its 95 % interval (bootstrap over the pairs).
+The two run in turn, A B A B ..., one thread each, so that a machine whose speed drifts slows down both alike. Printed
+is the median of the ratios after / before with the upper end of its 95 % interval (bootstrap over the pairs).
 """
 
 from __future__ import annotations
