@@ -168,7 +168,11 @@ class DG645(Dg645Session):
             raise ProtocolError(self.device, f"{text!r} is no delay") from error
 
     def link_channel(self, channel: Channel, reference: Channel) -> None:
-        """Control which channel another one's delay counts from."""
+        """Control which channel another one's delay counts from.
+
+        Whether the instant or the delay stays when this is set from the host is not verified: read `delay` back,
+        or use `set_delay`, which sets both.
+        """
         self.configure(f"LINK {_settable(self.device, channel)},{reference:d}")
 
     def linked_to(self, channel: Channel) -> Channel:

@@ -115,7 +115,7 @@ class Genesys(GenesysSession):
         return Status(self.get_register("SEVE"))
 
     def enable_events(self, faults: Fault, status: Status) -> None:
-        """Control which bits cause an event and an unsolicited message."""
+        """Control which faults are kept as events, and which status bits (`Status.FAULT`) send a message unasked."""
         self.command(f"FENA {faults:02X}")
         self.command(f"SENA {status:02X}")
 

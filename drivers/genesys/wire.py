@@ -42,7 +42,11 @@ class Fault(IntFlag):
 
 
 class Status(IntFlag):
-    """Bits of ``STAT?`` and ``SEVE?``."""
+    """Bits of ``STAT?`` and ``SEVE?``.
+
+    `NO_FAULT`: no fault that ``FENA`` enables is there now. `FAULT`: the event register FEVE holds one. With
+    ``FENA 00`` neither tells of a fault, so for safety read ``FLT?``.
+    """
 
     CONSTANT_VOLTAGE = 0x01
     CONSTANT_CURRENT = 0x02

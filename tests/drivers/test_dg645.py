@@ -16,7 +16,7 @@ from picoradar.sim.wires import InterlockChain, TriggerLine
 IDN = b"Stanford Research Systems,DG645,s/n001013,ver1.02.0A\r\n"
 CHECK = (b"LERR?\n", b"0\r\n")
 GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "dg645.toml").read_text())
-SHEET = [(sent.encode(), reply.encode()) for sent, reply in GOLDEN["exchange"]]
+SHEET = [(sent.encode(), "".join(replies).encode()) for sent, *replies in GOLDEN["exchange"]]
 
 
 @pytest.fixture
@@ -63,6 +63,9 @@ def test_worked_exchange_of_the_sheet_by_the_driver(scripted):
                 CHECK,
                 (b"DLAY?2\n", b"0,+0.000000100000\r\n"),
                 (b"DLAY?3\n", b"2,+0.000000010000\r\n"),
+                (b"LINK 3,0\n", b""),
+                CHECK,
+                (b"DLAY?3\n", b"0,+0.000000110000\r\n"),
                 (b"DLAY 4,0,6.7e-12\n", b""),
                 CHECK,
                 (b"DLAY?4\n", b"0,+0.000000000005\r\n"),
@@ -75,6 +78,11 @@ def test_worked_exchange_of_the_sheet_by_the_driver(scripted):
                 (b"TSRC 0\n", b""),
                 CHECK,
                 (b"TSRC?\n", b"0\r\n"),
+                (b"*RST\n", b""),
+                (b"TSRC 5\n", b""),  # as the driver resets: the sheet's *RST, and the safe state by its own command
+                CHECK,
+                (b"TSRC?\n", b"5\r\n"),
+                (b"DLAY?3\n", b"2,+0.000000010000\r\n"),
             ]
         )
     )
@@ -86,6 +94,8 @@ def test_worked_exchange_of_the_sheet_by_the_driver(scripted):
     generator.set_delay(Channel.B, Channel.A, 1e-8)
     assert generator.delay(Channel.A) == Delay(Channel.T0, 1e-7)
     assert generator.delay(Channel.B) == Delay(Channel.A, 1e-8)
+    generator.link_channel(Channel.B, Channel.T0)
+    assert generator.delay(Channel.B) == Delay(Channel.T0, 1.1e-7)
     generator.set_delay(Channel.C, Channel.T0, 6.7e-12)
     assert generator.delay(Channel.C) == Delay(Channel.T0, 5e-12)
     with pytest.raises(DeviceFault, match="illegal link") as refused:
@@ -94,6 +104,9 @@ def test_worked_exchange_of_the_sheet_by_the_driver(scripted):
     generator.output(Output.AB).amplitude_v = 3.3
     assert generator.output(Output.AB).amplitude_v == 3.3
     generator.start_triggers()
+    generator.reset()
+    assert generator.trigger_source is TriggerSource.SINGLE_SHOT
+    assert generator.delay(Channel.B) == Delay(Channel.A, 1e-8)
 
 
 def test_opening_sequence(scripted):
@@ -211,7 +224,7 @@ def test_settings_survive_a_round_trip(generator):
     assert generator.output(Output.EF).offset_v == -1.25
     assert not generator.output(Output.GH).positive
     assert (generator.output(Output.AB).prescale, generator.output(Output.AB).phase) == (8, 3)
-    assert generator.delay(Channel.D) == Delay(Channel.A, 10e-12)
+    assert generator.delay(Channel.D) == Delay(Channel.A, 10e-9 + 10e-12)
     assert generator.linked_to(Channel.D) is Channel.A
     assert generator.self_test() == 0
 
@@ -253,6 +266,15 @@ def test_links_in_a_ring_are_refused(generator):
     with pytest.raises(DeviceFault, match="illegal link"):
         generator.set_delay(Channel.A, Channel.C, 1e-9)
     assert generator.delay(Channel.A) == Delay(Channel.T0, 0.0)
+
+
+def test_delay_may_be_negative_while_the_instant_is_not(generator):
+    generator.set_delay(Channel.A, Channel.T0, 2e-9)
+    generator.configure("DLAY 4,2,-2e-9")
+    assert generator.delay(Channel.C) == Delay(Channel.A, -2e-9)
+    with pytest.raises(DeviceFault, match="illegal delay"):
+        generator.configure("DLAY 4,2,-2.005e-9")
+    assert generator.delay(Channel.C) == Delay(Channel.A, -2e-9)
 
 
 def test_error_queue_holds_twenty(generator):

@@ -9,13 +9,14 @@ import pytest
 
 from picoradar.drivers.errors import DeviceFault, LimitError, ProtocolError, Timeout
 from picoradar.drivers.genesys import Fault, Genesys, Status, parse_rating
-from picoradar.drivers.genesys.wire import Filter, Remote, checksum, decode, encode
+from picoradar.drivers.genesys.wire import Filter, Look, Remote, checksum, decode, encode
 from picoradar.sim.firmware.genesys import GenesysFirmware
 from picoradar.sim.wires import InterlockChain
 
 GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "genesys.toml").read_text())
 SHEET = [(sent.encode(), reply.encode()) for sent, reply in GOLDEN["exchange"]]
 AFTER_INTERLOCK_OPENED = [(sent.encode(), reply.encode()) for sent, reply in GOLDEN["after_interlock_opened"]]
+AFTER_INTERLOCK_CLOSED = [(sent.encode(), reply.encode()) for sent, reply in GOLDEN["after_interlock_closed"]]
 CHECKSUMS = [(text, wire.encode()) for text, wire in GOLDEN["check_sums"]]
 
 
@@ -42,10 +43,13 @@ def test_worked_exchange_of_the_sheet_by_the_firmware(firmware, interlock, playe
     interlock.closed = False
     for sent, reply in AFTER_INTERLOCK_OPENED:
         assert played(firmware, sent) == reply
+    interlock.closed = True
+    for sent, reply in AFTER_INTERLOCK_CLOSED:
+        assert played(firmware, sent) == reply
 
 
 def test_worked_exchange_of_the_sheet_by_the_driver(scripted):
-    supply = Genesys(scripted(SHEET + AFTER_INTERLOCK_OPENED))
+    supply = Genesys(scripted(SHEET + AFTER_INTERLOCK_OPENED + AFTER_INTERLOCK_CLOSED))
     supply.command("ADR 6")
     assert supply.query("IDN?") == "LAMBDA,GEN600-1.3"
     supply.command("RMT 1")
@@ -53,20 +57,35 @@ def test_worked_exchange_of_the_sheet_by_the_driver(scripted):
     supply.output = False
     supply.voltage_v = 240
     supply.overvoltage_v = 350
+    assert supply.overvoltage_v == 350
     supply.current_a = 0.1
     supply.voltage_v = 290
     assert supply.voltage_v == 290
+    assert supply.measured_v == 0
+    assert supply.look() == Look(0.0, 290.0, 0.0, 0.1, Status.NO_FAULT, Fault(0))
     with pytest.raises(DeviceFault, match="voltage above the range") as refused:
         supply.voltage_v = 340
     assert refused.value.code == "E01"
     supply.output = True
     assert supply.measured_v == 290.01
+    assert supply.status == Status.CONSTANT_VOLTAGE | Status.NO_FAULT
     assert supply.fault == Fault(0)
     assert supply.fault is Fault.INTERLOCK
+    assert supply.status is Status.NO_FAULT  # for FENA is 00
     assert not supply.output
     with pytest.raises(DeviceFault) as refused:
         supply.output = True
     assert refused.value.code == "E07"
+    assert supply.fault == Fault(0)
+    assert not supply.output
+    supply.output = True
+
+
+def test_state_as_the_manual_prints_it(scripted):
+    [(sent, reply)] = GOLDEN["example_of_the_manual"]
+    assert Genesys(scripted([(sent.encode(), reply.encode())])).look() == Look(
+        45.201, 45.0, 4.3257, 10.0, Status.AUTO_START | Status.FOLDBACK_ENABLED, Fault(0)
+    )
 
 
 @pytest.mark.parametrize(("text", "wire"), CHECKSUMS)
@@ -114,7 +133,7 @@ def test_driver_with_firmware(connect, firmware, with_checksum):
     assert (state.voltage_v, state.measured_v, state.current_a) == (290, 290.01, 0.1)
     assert state.measured_a == 0.0124
     assert state.status == Status.CONSTANT_VOLTAGE | Status.NO_FAULT
-    assert supply.query("DVC?") == "290.01,290.00,0.0124,0.1000,350.00,0.000"
+    assert supply.query("DVC?") == "290.01,290.00,0.0124,0.1000,350.0,000.0"
     assert str(supply.identify()) == "GEN600-1.3, s/n 0123456, 1U-4.3"
     supply.close()
     assert firmware.output_v() > 60
@@ -139,7 +158,7 @@ def test_open_interlock_switches_off_and_stays_off(supply, firmware, interlock):
     supply.switch(on=True)
     interlock.closed = False
     assert supply.fault is Fault.INTERLOCK
-    assert not supply.status & (Status.CONSTANT_VOLTAGE | Status.CONSTANT_CURRENT | Status.NO_FAULT)
+    assert not supply.status & (Status.CONSTANT_VOLTAGE | Status.CONSTANT_CURRENT)
     with pytest.raises(DeviceFault, match="while a fault shuts it down"):
         supply.switch(on=True)
     interlock.closed = True
@@ -182,10 +201,10 @@ def test_cross_rules(supply):
     with pytest.raises(DeviceFault, match="E04"):
         supply.overvoltage_v = 345
     with pytest.raises(DeviceFault, match="E06"):
-        supply.undervoltage_v = 313
-    supply.undervoltage_v = 312
+        supply.undervoltage_v = 330
+    supply.undervoltage_v = 329.175  # equal is allowed
     with pytest.raises(DeviceFault, match="E02"):
-        supply.voltage_v = 311
+        supply.voltage_v = 329
 
 
 def test_limits_are_set_in_an_order_that_the_supply_takes(supply):
@@ -214,7 +233,7 @@ def test_backspace_line_feed_and_repetition(firmware, played):
 
 
 def test_unsolicited_messages_are_sorted_from_replies(supply, interlock):
-    supply.enable_events(Fault.INTERLOCK, Status(0))
+    supply.enable_events(Fault.INTERLOCK, Status.FAULT)
     supply.link.write(b"OUT?\r")
     interlock.closed = False
     assert supply.link.read_until(b"\r") == b"!06\r"
@@ -223,9 +242,44 @@ def test_unsolicited_messages_are_sorted_from_replies(supply, interlock):
     assert supply.fault_events() is Fault.INTERLOCK
     interlock.closed = False
     assert not supply.output
-    assert supply.unsolicited == 1
+    assert supply.unsolicited == 0  # nothing more is sent until SEVE is cleared
+    assert supply.status_events() is Status.FAULT
     assert supply.fault_events() is Fault.INTERLOCK
     assert supply.fault_events() == Fault(0)
+    interlock.closed = True
+    interlock.closed = False
+    assert not supply.output
+    assert supply.unsolicited == 1
+
+
+@pytest.mark.parametrize(
+    ("fault_mask", "opened", "events_read", "closed", "closed_and_read"),
+    [("00", "04", "04", "04", "04"), ("80", "08", "00", "0C", "04")],
+)
+def test_status_follows_the_masked_faults_and_their_events(
+    supply, interlock, fault_mask, opened, events_read, closed, closed_and_read
+):
+    """The sheet's table of states; whether the event comes again while the fault lasts is left open there."""
+    supply.command(f"FENA {fault_mask}")
+    assert supply.query("STAT?") == "04"
+    interlock.closed = False
+    assert (supply.query("FLT?"), supply.query("STAT?")) == ("80", opened)
+    assert (supply.query("FEVE?"), supply.query("STAT?")) == (fault_mask, events_read)
+    interlock.closed = True
+    interlock.closed = False
+    interlock.closed = True
+    assert (supply.query("FLT?"), supply.query("STAT?")) == ("00", closed)
+    assert (supply.query("FEVE?"), supply.query("STAT?")) == (fault_mask, closed_and_read)
+
+
+def test_set_points_and_limits_are_given_back_as_the_text_that_was_sent(supply):
+    for text in ("PV 012.0", "PC 0.10", "OVP 0350", "UVL 5.00"):
+        supply.command(text)
+    assert [supply.query(f"{key}?") for key in ("PV", "PC", "OVP", "UVL")] == ["012.0", "0.10", "0350", "5.00"]
+    supply.highest_overvoltage()
+    assert supply.query("OVP?") == "660.0"
+    supply.reset()
+    assert [supply.query(f"{key}?") for key in ("PV", "PC", "OVP", "UVL")] == ["000.00", "0.0000", "660.0", "000.0"]
 
 
 def test_foldback_shuts_the_output_down(supply, clock):
@@ -241,7 +295,6 @@ def test_foldback_shuts_the_output_down(supply, clock):
     clock.sleep(0.2)
     assert not supply.output
     assert supply.fault is Fault.FOLDBACK
-    supply.switch(on=False)
     supply.current_a = 0.1
     supply.switch(on=True)
     assert supply.fault == Fault(0)
@@ -281,7 +334,7 @@ def test_address_out_of_range(scripted):
         Genesys(scripted([]), address=31)
 
 
-@pytest.mark.parametrize("fault", [Fault.AC_FAIL, Fault.OVER_TEMPERATURE, Fault.OVER_VOLTAGE, Fault.SHUT_OFF])
+@pytest.mark.parametrize("fault", [Fault.AC_FAIL, Fault.OVER_TEMPERATURE, Fault.SHUT_OFF])
 def test_faults_switch_off_and_are_told(supply, firmware, fault):
     supply.enable_events(Fault(0xFE), Status.FAULT)
     supply.voltage_v = 290
@@ -297,6 +350,17 @@ def test_faults_switch_off_and_are_told(supply, firmware, fault):
         supply.switch(on=True)
     firmware.supply.fail(Fault(0))
     supply.switch(on=True)
+
+
+@pytest.mark.parametrize("fault", [Fault.OVER_VOLTAGE, Fault.PANEL_OFF])
+def test_trips_that_switching_on_clears(supply, firmware, fault):
+    supply.switch(on=True)
+    firmware.supply.fail(fault)
+    assert not supply.output
+    supply.switch(on=False)
+    assert supply.fault is fault
+    supply.switch(on=True)
+    assert supply.fault == Fault(0)
 
 
 def test_saving_recalling_and_resetting(supply):

@@ -120,7 +120,7 @@ def test_printed_telegrams_by_the_firmware(clock, block, played):
 
 def test_computed_telegrams_by_the_firmware(clock, block, played):
     firmware = TecFirmware(clock, block)
-    *_, watchdog = COMPUTED
+    watchdog = COMPUTED[11]
     assert played(firmware, watchdog[0]) == watchdog[1]
     assert played(firmware, b"#01A00CVS080C0100000000" + f"{crc16(b'#01A00CVS080C0100000000'):04X}\r".encode()) != b""
     for i in (2, 3, 0):
@@ -131,6 +131,42 @@ def test_computed_telegrams_by_the_firmware(clock, block, played):
     block.held_degc = 23.04
     for i in (1, 7, 4, 9, 8):
         assert played(firmware, COMPUTED[i][0]) == COMPUTED[i][1]
+
+
+def test_computed_telegrams_of_what_the_open_clients_read(clock, block, played):
+    firmware = TecFirmware(clock, block)
+    values = firmware.memory.values
+    flash, device, control, *others = COMPUTED[12:]
+    assert played(firmware, flash[0]) == flash[1]
+    assert played(firmware, device[0]) == device[1]
+    values.update({3000: 23.0, 3003: 0.0, 3010: 12.5, 3011: 0.0})  # 12.5 % a degree and nothing else
+    block.held_degc = 22.0
+    assert played(firmware, encode("#", 1, 1, "VS07DA0100000001")) != b""
+    clock.sleep(1)
+    assert played(firmware, control[0]) == control[1]
+    values[52200] = 23.0
+    for sent, answer in others:
+        assert played(firmware, sent) == answer
+
+
+def test_flash_state(tec, firmware, clock):
+    assert tec.session.get(109) == 2  # the driver has switched saving off
+    tec.flash_saving_off = False
+    tec.kp = 12.0
+    assert tec.session.get(109) == 1
+    clock.sleep(1)
+    assert tec.session.get(109) == 0
+    assert tec.session.get(1032) == 0
+
+
+def test_each_pin_has_its_own_setting(tec):
+    tec.session.set(6103, 2, instance=8)
+    assert [tec.session.get(6103, instance=pin) for pin in (1, 7, 8)] == [1, 1, 2]
+    assert tec.session.metadata(6103, instance=8).instances == 8
+    with pytest.raises(DeviceFault, match="instance not available"):
+        tec.session.get(6103, instance=0)
+    tec.session.set(52000, 1)
+    assert tec.session.get(52000) == 0
 
 
 @pytest.mark.parametrize(
@@ -154,6 +190,16 @@ def test_computed_telegrams_by_the_firmware(clock, block, played):
         (0x01, *COMPUTED[8], lambda m: m.request("RS") == ""),
         (0x01, *COMPUTED[9], lambda m: m.request("ES") == ""),
         (0x01, *COMPUTED[11], lambda m: m.set(2060, 2.0) is None),
+        (0x01, *COMPUTED[12], lambda m: m.get(109) == 0),
+        (0x01, *COMPUTED[13], lambda m: m.get(1063) == 31.5),
+        (0x01, *COMPUTED[14], lambda m: m.get(1032) == 12.5),
+        (0x01, *COMPUTED[15], lambda m: m.get(4034) == 3),
+        (0x01, *COMPUTED[16], lambda m: m.get(6100) == 0),
+        (0x01, *COMPUTED[17], lambda m: m.get(52002) == 0),
+        (0x01, *COMPUTED[18], lambda m: m.get(52200) == 23.0),
+        (0x01, *COMPUTED[19], lambda m: m.request("?IF01") == "8065-TEC SW G01     "),
+        (0x01, *COMPUTED[20], lambda m: m.request("?LT0") == "0"),
+        (0x01, *COMPUTED[21], lambda m: m.set(3013, 0.2) is None),
     ],
 )
 def test_telegrams_by_the_driver(scripted, address, telegram, answer, call):
@@ -163,7 +209,12 @@ def test_telegrams_by_the_driver(scripted, address, telegram, answer, call):
 
 @pytest.mark.parametrize(
     ("telegram", "answer", "code"),
-    [(COMPUTED[10][0], COMPUTED[10][1], 5), (b"#01A003VS0BB80141B80000482A\r", b"!01A003+076789\r", 7)],
+    [
+        (*COMPUTED[10], 5),
+        (b"#01A003VS0BB80141B80000482A\r", b"!01A003+076789\r", 7),
+        (*COMPUTED[22], 8),
+        (*COMPUTED[23], 6),
+    ],
 )
 def test_refusals(scripted, telegram, answer, code):
     session = MeCom(scripted([(telegram, answer)]), 1, first_sequence=int(telegram[3:7], 16))
@@ -302,6 +353,8 @@ def test_not_stable_in_time(tec, clock):
         ("VS0BB801FFC00000", 7),
         ("VS0BB80141B8", 4),
         ("?XY", 1),
+        ("?LT1", 1),
+        ("?LT", 4),
         ("RS1", 4),
     ],
 )

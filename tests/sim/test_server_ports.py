@@ -41,7 +41,7 @@ def genesys(clock: VirtualClock) -> GenesysFirmware:
 
 def exchange(name: str) -> list[tuple[bytes, bytes]]:
     rows = tomllib.loads((GOLDEN / f"{name}.toml").read_text())["exchange"]
-    return [(sent.encode(), answer.encode()) for sent, answer in rows]
+    return [(sent.encode(), "".join(answers).encode()) for sent, *answers in rows]
 
 
 class Talker:

@@ -9,6 +9,7 @@ from picoradar.sim.firmware.dg645.registers import Refused
 T0, T1, FIRST, LAST = 0, 1, 2, 9
 GRID_PS = 5
 LONGEST_PS = 2000 * 10**12
+DEFAULT_WIDTH_PS = 10_000
 ILLEGAL_VALUE, ILLEGAL_DELAY, ILLEGAL_LINK = 10, 12, 13
 
 
@@ -18,9 +19,11 @@ class DelayTree:
     def __init__(self) -> None:
         self.reference = dict.fromkeys(range(FIRST, LAST + 1), T0)
         self.delay_ps = dict.fromkeys(range(FIRST, LAST + 1), 0)
+        for leading in range(FIRST, LAST, 2):  # A, C, E, G: each output is a pulse from one edge to the next
+            self.reference[leading + 1], self.delay_ps[leading + 1] = leading, DEFAULT_WIDTH_PS
 
     def set(self, channel: int, reference: int, delay_s: Decimal) -> None:
-        """Carry out ``DLAY``; nothing changes when it is refused.
+        """Carry out ``DLAY``; a delay may be negative while the instant is not. Refused, it changes nothing.
 
         Parameters
         ----------
@@ -37,14 +40,15 @@ class DelayTree:
         before = self.reference[channel], self.delay_ps[channel]
         self.reference[channel] = reference
         self.delay_ps[channel] = to_grid(delay_s)
-        if self.delay_ps[channel] < 0 or any(not 0 <= self.instant_ps(c) <= LONGEST_PS for c in self.reference):
+        if any(not 0 <= self.instant_ps(c) <= LONGEST_PS for c in self.reference):
             self.reference[channel], self.delay_ps[channel] = before
             raise Refused(ILLEGAL_DELAY)
 
     def link(self, channel: int, reference: int) -> None:
-        """Carry out ``LINK``: another reference, the same delay after it."""
+        """Carry out ``LINK``: another reference, the same instant (by command *unverified*)."""
         self._check_link(channel, reference)
-        self.set(channel, reference, Decimal(self.delay_ps[channel]) / 10**12)
+        self.delay_ps[channel] = self.instant_ps(channel) - self.instant_ps(reference)
+        self.reference[channel] = reference
 
     def instant_ps(self, channel: int) -> int:
         """Compute when a channel's edge comes after T0."""

@@ -10,7 +10,7 @@ from picoradar.sim.firmware.dg645.delays import DelayTree
 from picoradar.sim.firmware.dg645.registers import Refused
 
 ILLEGAL_VALUE, EMPTY, TOO_LONG, BAD_FLOAT, BAD_INTEGER, INTEGER_OVERFLOW = 10, 114, 117, 118, 120, 121
-LONGEST_PARAMETER = 32
+LONGEST_PARAMETER = 25
 HIGHEST_LEVEL_V = 6  # amplitude and offset of an output together
 
 
@@ -44,12 +44,12 @@ SETTINGS: dict[str, Setting] = {
     "INHB": Setting(0, 5, 1, "d"),
     "BURM": Setting(0, 1, 0, "d"),
     "BURC": Setting(1, 2**32 - 1, 5, "d"),
-    "BURP": Setting(100e-9, 42.9, 1e-5, "+.12f"),
+    "BURP": Setting(100e-9, 42.9, 1e-4, "+.12f"),
     "BURD": Setting(0, 2000, 0, "+.12f"),
     "BURT": Setting(0, 1, 0, "d"),
     "PRES": Setting(1, 65535, 1, "d", OUTPUTS),
     "PHAS": Setting(0, 65534, 0, "d", range(1, 5)),
-    "SSDL": Setting(0, 2000, 1, "+.12f", range(2, 10)),
+    "SSDL": Setting(0, 2000, 1e-9, "+.12f", range(2, 10)),
     "LAMP": Setting(0.5, 5, 2.5, "+.2f", OUTPUTS),
     "LOFF": Setting(-2, 2, 0, "+.2f", OUTPUTS),
     "LPOL": Setting(0, 1, 1, "d", OUTPUTS),

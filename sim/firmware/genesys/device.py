@@ -141,15 +141,15 @@ class GenesysFirmware:
             "DATE": lambda: "2010/03/15",
             "RMT": lambda: supply.remote,
             "PV": lambda: supply.settings.voltage_text,
-            "MV": lambda: f"{supply.measured_v:.2f}",
+            "MV": lambda: f"{supply.measured_v:06.2f}",
             "PC": lambda: supply.settings.current_text,
             "MC": lambda: f"{supply.measured_a:.4f}",
             "DVC": self._all_values,
             "STT": self._state,
             "MODE": lambda: "OFF" if not supply.is_on else "CC" if supply.limits_current else "CV",
             "OUT": lambda: ON_OFF[supply.is_on],
-            "OVP": lambda: f"{supply.settings.overvoltage_v:.2f}",
-            "UVL": lambda: f"{supply.settings.undervoltage_v:.3f}",
+            "OVP": lambda: supply.settings.overvoltage_text,
+            "UVL": lambda: supply.settings.undervoltage_text,
             "FLD": lambda: ON_OFF[supply.settings.foldback],
             "FBD": lambda: f"{supply.foldback_delay:02d}",
             "AST": lambda: ON_OFF[supply.settings.auto_start],
@@ -168,7 +168,7 @@ class GenesysFirmware:
         return {
             "CLS": (False, lambda _: supply.registers.clear_events()),
             "RST": (False, lambda _: supply.reset()),
-            "OVM": (False, lambda _: supply.set_overvoltage(1.1 * supply.rated_v)),
+            "OVM": (False, lambda _: supply.set_highest_overvoltage()),
             "SAV": (False, lambda _: supply.save()),
             "RCL": (False, lambda _: supply.recall()),
             "FBDRST": (False, lambda _: self._set_foldback_delay("0")),
@@ -176,8 +176,8 @@ class GenesysFirmware:
             "PV": (True, lambda text: supply.set_voltage(number(text), text)),
             "PC": (True, lambda text: supply.set_current(number(text), text)),
             "OUT": (True, lambda text: supply.switch(on=switch(text))),
-            "OVP": (True, lambda text: supply.set_overvoltage(number(text))),
-            "UVL": (True, lambda text: supply.set_undervoltage(number(text))),
+            "OVP": (True, lambda text: supply.set_overvoltage(number(text), text)),
+            "UVL": (True, lambda text: supply.set_undervoltage(number(text), text)),
             "FLD": (True, lambda text: supply.change(foldback=switch(text))),
             "FBD": (True, self._set_foldback_delay),
             "AST": (True, lambda text: supply.change(auto_start=switch(text))),
@@ -189,15 +189,15 @@ class GenesysFirmware:
     def _all_values(self) -> str:
         supply, settings = self.supply, self.supply.settings
         return (
-            f"{supply.measured_v:.2f},{settings.voltage_v:.2f},{supply.measured_a:.4f},{settings.current_a:.4f},"
-            f"{settings.overvoltage_v:.2f},{settings.undervoltage_v:.3f}"
+            f"{supply.measured_v:06.2f},{settings.voltage_v:06.2f},{supply.measured_a:.4f},{settings.current_a:.4f},"
+            f"{settings.overvoltage_v:05.1f},{settings.undervoltage_v:05.1f}"
         )
 
     def _state(self) -> str:
         supply, settings, registers = self.supply, self.supply.settings, self.supply.registers
         return (
-            f"MV({supply.measured_v:.2f}),PV({settings.voltage_v:.2f}),MC({supply.measured_a:.4f}),"
-            f"PC({settings.current_a:.4f}),SR({registers.status:02X}),FR({registers.fault:02X})"
+            f"MV({supply.measured_v:06.2f}),PV({settings.voltage_text}),MC({supply.measured_a:.4f}),"
+            f"PC({settings.current_text}),SR({registers.status:02X}),FR({registers.fault:02X})"
         )
 
     def _set_remote(self, text: str) -> None:

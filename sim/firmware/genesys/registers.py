@@ -1,4 +1,7 @@
-"""Fault and status registers of the simulated Genesys supply with their events (protocol sheet ``tdk_genesys``)."""
+"""Fault and status registers of the simulated Genesys supply with their events (protocol sheet ``tdk_genesys``).
+
+Two status bits are no opposites: NFLT says that no fault which FENA enables is there now, FLT that FEVE holds one.
+"""
 
 from __future__ import annotations
 
@@ -13,26 +16,36 @@ class Registers:
     Parameters
     ----------
     announce : callable
-        Called when an enabled event bit becomes set (the device then sends ``!nn``).
+        Called when SEVE goes from 00 to any bit (the device then sends ``!nn``).
     """
 
     def __init__(self, announce: Callable[[], None]) -> None:
         self.fault = Fault(0)
-        self.status = Status.NO_FAULT
         self.fault_mask = Fault(0)
         self.status_mask = Status(0)
+        self._conditions = Status(0)
         self._fault_events = Fault(0)
         self._status_events = Status(0)
         self._announce = announce
 
-    def update(self, fault: Fault, status: Status) -> None:
-        """Take the present conditions; bits that come up and are enabled become events."""
-        new_faults = fault & ~self.fault & self.fault_mask & ~self._fault_events
-        new_status = status & ~self.status & self.status_mask & ~self._status_events
-        self.fault, self.status = fault, status
-        self._fault_events |= new_faults
-        self._status_events |= new_status
-        if new_faults or new_status:
+    @property
+    def status(self) -> Status:
+        """Get STAT as it is now."""
+        status = self._conditions
+        if not self.fault & self.fault_mask:
+            status |= Status.NO_FAULT
+        if self._fault_events:
+            status |= Status.FAULT
+        return status
+
+    def update(self, fault: Fault, conditions: Status) -> None:
+        """Take the faults and conditions of now; enabled bits that come up become events."""
+        before = self.status
+        self._fault_events |= fault & ~self.fault & self.fault_mask
+        self.fault, self._conditions = fault, conditions
+        was_quiet = not self._status_events
+        self._status_events |= self.status & ~before & self.status_mask
+        if was_quiet and self._status_events:
             self._announce()
 
     def clear_events(self) -> None:

@@ -1,7 +1,8 @@
 """The simulated Genesys supply behind its command set: settings and their cross rules, faults, output.
 
 The ENA terminals are connected to the interlock chain. After an interlock trip the output stays off, unless
-auto-start is on. A foldback trip is latched until ``OUT 0`` or ``RST``.
+auto-start is on. ``OUT 1`` clears a foldback or over-voltage trip and the panel's output-off; it is refused
+while mains, temperature, rear shut-off or interlock forbid it.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ GAIN_ERROR = 3.5e-5  # of the voltage read-back
 FOLDBACK_S = 0.25
 ROUNDING_V = 1e-9
 LOCAL, REMOTE, LOCKED_OUT = "LOC", "REM", "LLO"
+CLEARED_BY_ON = Fault.FOLDBACK | Fault.OVER_VOLTAGE | Fault.PANEL_OFF
 FILTERS_HZ = (18, 23, 46)
 
 
@@ -29,12 +31,15 @@ class Refused(Exception):
 
 @dataclass(frozen=True)
 class Settings:
-    """What ``SAV`` keeps; the two set points as they were sent, for ``PV?`` returns the text."""
+    """What ``SAV`` keeps; set points and limits as they were sent, for ``PV?`` returns the text.
 
-    overvoltage_v: float
-    voltage_text: str = "0.00"
-    current_text: str = "0.000"
-    undervoltage_v: float = 0.0
+    Before any text was sent they have the form of the front panel: 5 digits, 4 for the limits (*unverified*).
+    """
+
+    overvoltage_text: str
+    voltage_text: str = "000.00"
+    current_text: str = "0.0000"
+    undervoltage_text: str = "000.0"
     foldback: bool = False
     auto_start: bool = False
 
@@ -47,6 +52,16 @@ class Settings:
     def current_a(self) -> float:
         """Get the current limit."""
         return float(self.current_text)
+
+    @property
+    def overvoltage_v(self) -> float:
+        """Get the over-voltage trip."""
+        return float(self.overvoltage_text)
+
+    @property
+    def undervoltage_v(self) -> float:
+        """Get the lower limit of the set point."""
+        return float(self.undervoltage_text)
 
 
 class Changes(TypedDict, total=False):
@@ -70,7 +85,7 @@ class GenesysSupply:
     rated_v, rated_a : float
         Rating.
     announce : callable
-        Called when an enabled event bit becomes set.
+        Called when the first enabled status event comes.
     """
 
     def __init__(
@@ -85,7 +100,7 @@ class GenesysSupply:
         self.interlock = interlock
         self.rated_v = rated_v
         self.rated_a = rated_a
-        self.settings = Settings(overvoltage_v=1.1 * rated_v)
+        self.settings = self._defaults()
         self.registers = Registers(announce)
         self.is_on = False
         self.remote = REMOTE
@@ -137,21 +152,25 @@ class GenesysSupply:
             raise Refused("C05")
         self.change(current_text=text)
 
-    def set_overvoltage(self, volts: float) -> None:
+    def set_overvoltage(self, volts: float, text: str) -> None:
         """Carry out ``OVP``."""
         if not 5 <= volts <= 1.1 * self.rated_v + ROUNDING_V:
             raise Refused("C05")
         if volts < 1.05 * self.settings.voltage_v - ROUNDING_V:
             raise Refused("E04")
-        self.change(overvoltage_v=volts)
+        self.change(overvoltage_text=text)
 
-    def set_undervoltage(self, volts: float) -> None:
+    def set_highest_overvoltage(self) -> None:
+        """Carry out ``OVM``."""
+        self.change(overvoltage_text=self._defaults().overvoltage_text)
+
+    def set_undervoltage(self, volts: float, text: str) -> None:
         """Carry out ``UVL``."""
         if volts > 0.95 * self.rated_v:
             raise Refused("C05")
-        if volts > 0.95 * self.settings.voltage_v + ROUNDING_V:
+        if volts > self.settings.voltage_v + ROUNDING_V:
             raise Refused("E06")
-        self.change(undervoltage_v=volts)
+        self.change(undervoltage_text=text)
 
     def set_remote(self, who: str) -> None:
         """Carry out ``RMT``."""
@@ -160,10 +179,11 @@ class GenesysSupply:
 
     def switch(self, *, on: bool) -> None:
         """Carry out ``OUT``."""
-        if on and self._faults():
+        if on and self._faults() & ~CLEARED_BY_ON:
             raise Refused("E07")
-        if not on:
+        if on:
             self._folded = False
+            self._outside &= ~CLEARED_BY_ON
         self.is_on = on
         self._refresh()
 
@@ -174,7 +194,7 @@ class GenesysSupply:
 
     def reset(self) -> None:
         """Carry out ``RST``."""
-        self.settings = Settings(overvoltage_v=1.1 * self.rated_v)
+        self.settings = self._defaults()
         self.remote = REMOTE
         self._folded = False
         self.is_on = False
@@ -189,6 +209,9 @@ class GenesysSupply:
         self.settings = self._saved
         self.is_on = False
         self._refresh()
+
+    def _defaults(self) -> Settings:
+        return Settings(overvoltage_text=f"{1.1 * self.rated_v:05.1f}")
 
     def _interlock_changed(self) -> None:
         if self.interlock.closed and self.settings.auto_start and not self._folded:
@@ -211,7 +234,7 @@ class GenesysSupply:
         settings, limited = self.settings, self.limits_current
         self._output.steer(min(settings.voltage_v, settings.current_a * LOAD_OHM) if self.is_on else 0.0)
         self._watch_foldback(due=self.is_on and limited and settings.foldback)
-        status = Status.FAULT if fault else Status.NO_FAULT
+        status = Status(0)
         if self.is_on:
             status |= Status.CONSTANT_CURRENT if limited else Status.CONSTANT_VOLTAGE
         if settings.auto_start:

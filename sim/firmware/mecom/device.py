@@ -35,6 +35,7 @@ LONGEST_FRAME = 256
 NOT_A_COMMAND, FORMAT, UNKNOWN, READ_ONLY, RANGE, INSTANCE = 0x01, 0x04, 0x05, 0x06, 0x07, 0x08
 IDENTITY = "8065-TEC SW G01     "
 READABLE, WRITABLE = 1, 2
+LOOKUP_IDLE = "0"
 
 
 class Refused(Exception):
@@ -112,12 +113,13 @@ class TecFirmware:
     def _request_table(self) -> dict[str, Callable[[str], str | None]]:
         """Build the table of requests; each takes what follows its name, and gives its answer if it has one."""
         return {
-            "?VR": lambda rest: self._text(_row(rest)),
-            "?VM": lambda rest: self._metadata(_row(rest)),
-            "?VL": lambda rest: _limits(_row(rest)),
+            "?VR": lambda rest: self._text(*_row(rest)),
+            "?VM": lambda rest: self._metadata(*_row(rest)),
+            "?VL": lambda rest: _limits(_row(rest)[0]),
             "?VX": self._several,
             "?IF": lambda _: IDENTITY,  # the maker's client adds a channel
-            "VS": lambda rest: self._set(_row(rest[:6]), rest[6:]),
+            "?LT": _look_up_table,
+            "VS": lambda rest: self._set(*_row(rest[:6]), rest[6:]),
             "RS": _without_argument(self.device.reset),
             "SP": _without_argument(self.memory.save),
             "ES": _without_argument(self.device.stop),
@@ -137,26 +139,26 @@ class TecFirmware:
         except ValueError:
             raise Refused(FORMAT) from None
 
-    def _text(self, row: Parameter) -> str:
-        return _encode(row, self.device.value(row.number))
+    def _text(self, row: Parameter, instance: int) -> str:
+        return _encode(row, self.device.value(row.number, instance))
 
-    def _metadata(self, row: Parameter) -> str:
+    def _metadata(self, row: Parameter, instance: int) -> str:
         flags = READABLE | WRITABLE if row.writable else READABLE
-        return f"{row.kind.value:02X}{flags:02X}0100000001{_limits(row)}{self._text(row)}"
+        return f"{row.kind.value:02X}{flags:02X}{row.instances:02X}00000001{_limits(row)}{self._text(row, instance)}"
 
     def _several(self, digits: str) -> str:
         count, rest = _hex(digits[:2]), digits[2:]
         if len(rest) != 6 * count:
             raise Refused(FORMAT)
-        return "".join(self._text(_row(rest[i : i + 6])) for i in range(0, len(rest), 6))
+        return "".join(self._text(*_row(rest[i : i + 6])) for i in range(0, len(rest), 6))
 
-    def _set(self, row: Parameter, digits: str) -> None:
+    def _set(self, row: Parameter, instance: int, digits: str) -> None:
         if not row.writable:
             raise Refused(READ_ONLY)
         value = decode_float(digits) if row.kind is Kind.FLOAT else decode_int(digits)
         if not (math.isfinite(value) and row.minimum <= value <= row.maximum):
             raise Refused(RANGE)
-        self.device.set(row.number, value)
+        self.device.set(row.number, value, instance)
 
     def _change_baud(self, baud: int) -> None:
         """Run at another rate once the answer is out, and fall back after 5 s of silence."""
@@ -193,16 +195,25 @@ def _without_argument(run: Callable[[], str | None]) -> Callable[[str], str | No
     return request
 
 
-def _row(digits: str) -> Parameter:
-    """Find the parameter that four hex digits name, with two of its instance."""
+def _look_up_table(rest: str) -> str:
+    """Answer ``?LT0``, the state of the look-up table; this device stores none."""
+    if rest[:1] in ("1", "2"):
+        raise Refused(NOT_A_COMMAND)
+    if rest != "0":
+        raise Refused(FORMAT)
+    return LOOKUP_IDLE
+
+
+def _row(digits: str) -> tuple[Parameter, int]:
+    """Find the parameter that four hex digits name, and its instance in two more."""
     if len(digits) != 6:
         raise Refused(FORMAT)
     number, instance = _hex(digits[:4]), _hex(digits[4:])
     if number not in PARAMETERS:
         raise Refused(UNKNOWN)
-    if instance != 1:
+    if not 1 <= instance <= PARAMETERS[number].instances:
         raise Refused(INSTANCE)
-    return PARAMETERS[number]
+    return PARAMETERS[number], instance
 
 
 def _limits(row: Parameter) -> str:

@@ -19,6 +19,8 @@ SHORTEST_WATCHDOG_S = 0.1
 EMERGENCY_STOP, WATCHDOG_EXPIRED = 11, 183
 OUTPUT_ENABLE, LIVE_ENABLE, WATCHDOG = 2010, 50000, 2060
 ROUNDING_S = 1e-9
+DEVICE_DEGC = 31.5
+WRITTEN_ONLY = (52000, 52001)  # start and stop of a look-up table read as 0
 
 
 class OutOfRange(ValueError):
@@ -65,12 +67,14 @@ class TecDevice:
         """Feed the watchdog."""
         self._last_heard_s = self.clock.now()
 
-    def value(self, number: int) -> float:
-        """Get a parameter."""
+    def value(self, number: int, pin: int = 1) -> float:
+        """Get a parameter; ``pin`` chooses among those that every pin has for its own."""
+        if (number, pin) in self.memory.pins:
+            return self.memory.pins[number, pin]
         read = self._readings.get(number)
         return read() if read is not None else self.memory.values[number]
 
-    def set(self, number: int, value: float) -> None:
+    def set(self, number: int, value: float, pin: int = 1) -> None:
         """Set a parameter that is in its range by the table.
 
         Raises
@@ -80,7 +84,7 @@ class TecDevice:
         """
         if number == WATCHDOG and 0 < value < SHORTEST_WATCHDOG_S:
             raise OutOfRange(value)
-        self.memory.set(number, value)
+        self.memory.set(number, value, pin)
         if number in (OUTPUT_ENABLE, LIVE_ENABLE):
             self._switch()
         elif number == WATCHDOG:
@@ -112,13 +116,18 @@ class TecDevice:
             105: lambda: self._error[0],
             106: lambda: 1 if self._error[0] else 0,
             107: lambda: self._error[1],
+            109: lambda: self.memory.flash_state,
             1000: pump.temperature_degc,
             1001: pump.sink_degc,
             1010: lambda: self.memory.values[3000],
             1011: lambda: loop.nominal_degc if loop.running else pump.temperature_degc(),
+            1012: lambda: loop.current_a if loop.stability else 0.0,
             1020: lambda: loop.current_a,
             1021: lambda: loop.current_a * PELTIER_OHM,
+            1032: lambda: loop.control_percent,
+            1063: lambda: DEVICE_DEGC,
             1200: lambda: loop.stability,
+            **dict.fromkeys(WRITTEN_ONLY, lambda: 0.0),
         }
 
     def _device_status(self) -> DeviceStatus:

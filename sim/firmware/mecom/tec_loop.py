@@ -46,6 +46,7 @@ class TemperatureLoop:
         self.trip = trip
         self.current_a = 0.0
         self.nominal_degc = 0.0
+        self.control_percent = 0.0
         self._timer: Timer | None = None
         self._integral = 0.0  # in % of the current limit
         self._last_degc = 0.0
@@ -77,6 +78,7 @@ class TemperatureLoop:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
+        self.control_percent = 0.0
         self._drive(0.0)
 
     def _step(self) -> None:
@@ -93,6 +95,7 @@ class TemperatureLoop:
             self._judge(object_degc)
         else:
             maximum = abs(values[2021]) / PELTIER_OHM
+            self.control_percent = 0.0
             self._drive(max(-maximum, min(maximum, values[2020])))
 
     def _ramp(self) -> None:
@@ -113,7 +116,8 @@ class TemperatureLoop:
         percent = kp * (error - td * slope) + integral
         if abs(percent) <= 100:  # anti-windup while the output is at its limit
             self._integral = integral
-        self._drive(max(-100.0, min(100.0, percent)) / 100 * self.values[2030])
+        self.control_percent = max(-100.0, min(100.0, percent))
+        self._drive(self.control_percent / 100 * self.values[2030])
 
     def _judge(self, object_degc: float) -> None:
         inside = abs(object_degc - self.values[3000]) <= self.values[4040]
