@@ -5,11 +5,13 @@
     python benchmarks/ranging.py throughput
     python benchmarks/ranging.py windows    [--seed 201] [--scans 8] [--sweeps 2]
     python benchmarks/ranging.py memory     [--mode window]
+    python benchmarks/ranging.py sensitivity [--only NAME]
 
 Efficiency, walk and throughput take traces from the simulated optics (laser, photodiode, A/D) without firmware. The
 calibration is measured first, as on the bench: gray levels before the radar, shapes, noise and walk learnt from the
 traces. The bound is computed from the simulator's noise-free pulse and its noise, which the estimators do not know.
-Windows and memory scan with the whole simulated bench, through drivers and firmware (`ranging_scans`).
+Windows and memory scan with the whole simulated bench, through drivers and firmware (`ranging_scans`). Sensitivity
+halves and doubles every threshold (`ranging_sensitivity`).
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from pathlib import Path
 import numpy as np
 from ranging_radar import CALIBRATED_MV, DISTANCE_MM, Bound, FloatArray, calibrate, readings
 from ranging_scans import memory, windows
+from ranging_sensitivity import sensitivity
 
 from picoradar.instrument.calibration import METHODS
 from picoradar.instrument.ranging import WindowTraces, estimate, estimate_windows
@@ -128,13 +131,14 @@ def _timed(work: object) -> Iterator[float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("efficiency", "walk", "throughput", "windows", "memory"))
+    parser.add_argument("what", choices=("efficiency", "walk", "throughput", "windows", "memory", "sensitivity"))
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--readings", type=int)
     parser.add_argument("--picture", type=Path, help="efficiency: draw into this file")
     parser.add_argument("--scans", type=int, default=8, help="windows: seeds from --seed on, of hip and prism")
     parser.add_argument("--sweeps", type=int, default=0, help="windows: how many of them in sweep mode, too")
     parser.add_argument("--mode", default="window", help="memory: window or sweep")
+    parser.add_argument("--only", help="sensitivity: thresholds whose name holds this")
     given = parser.parse_args()
     if given.what == "efficiency":
         efficiency(given.seed, given.readings or 4000, given.picture)
@@ -142,6 +146,8 @@ def main() -> None:
         walk(given.seed, given.readings or 200)
     elif given.what == "throughput":
         throughput(given.seed)
+    elif given.what == "sensitivity":
+        sensitivity(given.only)
     elif given.what == "windows":
         windows(given.seed, given.scans, given.sweeps)
     else:

@@ -10,7 +10,7 @@ from picoradar.instrument.ranging.estimate import estimate
 from picoradar.instrument.ranging.footprint import mark_footprint
 from picoradar.instrument.ranging.learning import learn
 from picoradar.instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, SPEED_OF_LIGHT_MM_PER_PS, Ranges
-from picoradar.instrument.ranging.settings import RangingSettings
+from picoradar.instrument.ranging.settings import AveragingSettings, LearningSettings, RangingSettings, WalkSettings
 from picoradar.instrument.ranging.walk import fit_walk
 from picoradar.instrument.ranging.windows.choice import PlanSettings
 from picoradar.instrument.ranging.windows.estimate import estimate_places, estimate_windows, with_retaken
@@ -21,11 +21,14 @@ from picoradar.instrument.ranging.windows.traces import WindowTraces
 __all__ = [
     "RANGE_PER_INTERVAL_MM_PER_PS",
     "SPEED_OF_LIGHT_MM_PER_PS",
+    "AveragingSettings",
+    "LearningSettings",
     "Place",
     "PlanSettings",
     "Pulse",
     "Ranges",
     "RangingSettings",
+    "WalkSettings",
     "Window",
     "WindowPlanner",
     "WindowTraces",

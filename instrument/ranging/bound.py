@@ -13,6 +13,9 @@ from picoradar.instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS
 FloatArray = NDArray[np.float64]
 Signal = Callable[[FloatArray, float], FloatArray]
 
+HALF_STEP_PS = 0.5  # of the numerical derivatives; their errors go with its square over that of the rise time, 6e-6
+AMPLITUDE_STEP = 0.01  # of the amplitude
+
 
 class Pulse(NamedTuple):
     """A pulse: ``signal(t_ps, amplitude_mv)`` in mV at times t after its time-significant point; and both its
@@ -51,8 +54,9 @@ def range_bound_mm2(
     for pulse in (reference, echo):
         after = times - pulse.time_ps
         value = pulse.signal(after, pulse.amplitude_mv)
-        rate = (pulse.signal(after + 0.5, pulse.amplitude_mv) - pulse.signal(after - 0.5, pulse.amplitude_mv)) / 1.0
-        h = 0.01 * pulse.amplitude_mv
+        later, earlier = (pulse.signal(after + d, pulse.amplitude_mv) for d in (HALF_STEP_PS, -HALF_STEP_PS))
+        rate = (later - earlier) / (2 * HALF_STEP_PS)
+        h = AMPLITUDE_STEP * pulse.amplitude_mv
         gain = (pulse.signal(after, pulse.amplitude_mv + h) - pulse.signal(after, pulse.amplitude_mv - h)) / (2 * h)
         rows += [-rate, gain]
         signal, slope = signal + value, slope + rate

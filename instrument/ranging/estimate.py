@@ -1,8 +1,9 @@
-"""`estimate`: the front door of ranging."""
+"""`estimate`: whole traces in, ranges out."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,15 +15,15 @@ from picoradar.instrument.ranging.half_maximum import Edges, half_maximum, join
 from picoradar.instrument.ranging.pair import mark, to_ranges
 from picoradar.instrument.ranging.pulses import CoarseTraces, Pulses, coarse_traces, next_pulse
 from picoradar.instrument.ranging.ranges import Ranges
-from picoradar.instrument.ranging.self_calibration import learn_unaided
+from picoradar.instrument.ranging.self_calibration import self_calibrate
 from picoradar.instrument.ranging.settings import RangingSettings
 from picoradar.instrument.ranging.template import Shapes, bad_fit, fit_pair, shapes_of
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 FlagArray = NDArray[np.uint16]
 
 BLOCK = 128  # records handled together: their traces stay in the cache
-LEAST_SAMPLES = 64
 
 
 def estimate(
@@ -49,11 +50,11 @@ def estimate(
         Sampling instants, evenly spaced.
     method : {"template", "half-maximum"}
         The estimator: the fit of the pulse shapes of the calibration, or the dissertation's 50 % crossing. Without any
-        calibration the shapes are learnt from the records themselves (`learn_unaided`): then a record's range depends
+        calibration the shapes are learnt from the records themselves (`self_calibrate`): then a record's range depends
         on the others of the call.
     calibration : Calibration, optional
-        Gives the range zero, the walk correction of this estimator, the noise on the pulses and the place of the
-        reference. Without it the range counts from Ti = 0 and every echo is flagged as `Flag.WALK_EXTRAPOLATED`,
+        Gives the range zero, the walk correction of this estimator, the noise on the pulses and where the reference
+        is. Without it the range counts from Ti = 0 and every echo is flagged as `Flag.WALK_EXTRAPOLATED`,
         because no walk correction covers it.
     sweeps : int or (R,) array
         Sweeps averaged in each trace.
@@ -72,11 +73,50 @@ def estimate(
         When ``times_ps`` is no evenly spaced axis, ``method``, ``sweeps`` or ``clipped`` do not fit, or the
         calibration lacks the templates that its method needs.
     """
-    times = _check_times(times_ps)
+    limits = settings or RangingSettings()
+    times = _check_times(times_ps, limits)
     if method not in METHODS:
         raise BadInput(f"method {method!r} is not known; use {' or '.join(map(repr, METHODS))}")
-    limits = settings or RangingSettings()
-    values, usable = _stack(traces, times.size)
+    records = _records(traces, times.size, sweeps, clipped)
+    count = len(records.traces)
+    if not count or times.size < limits.min_samples:
+        return _nothing(count)
+    shapes: Shapes | None = None
+    if method == "template":
+        values = records.traces
+        shapes = shapes_of(calibration) if calibration else self_calibrate(values, times, limits, records.sweeps)
+    way = _Way(times, method, shapes, calibration, limits)
+    parts = [_block(records.part(slice(first, first + BLOCK)), way) for first in range(0, count, BLOCK)]
+    return Ranges.joined(parts)
+
+
+class _Records(NamedTuple):
+    """Checked input: traces (R, S), which can be used, their sweeps, and where the device has seen clipping (R,)."""
+
+    traces: FloatArray
+    usable: BoolArray
+    sweeps: FloatArray
+    seen_clipped: BoolArray
+
+    def part(self, records: slice) -> _Records:
+        traces, usable, sweeps, seen_clipped = self
+        return _Records(traces[records], usable[records], sweeps[records], seen_clipped[records])
+
+
+class _Way(NamedTuple):
+    """How records are ranged."""
+
+    times: FloatArray
+    method: Method
+    shapes: Shapes | None
+    calibration: Calibration | None
+    limits: RangingSettings
+
+
+def _records(
+    traces: FloatArray | Sequence[ArrayLike], samples: int, sweeps: ArrayLike, clipped: ArrayLike | None
+) -> _Records:
+    values, usable = _stack(traces, samples)
     records = len(values)
     try:
         counts = np.broadcast_to(np.asarray(sweeps, dtype=np.float64), (records,))
@@ -85,38 +125,21 @@ def estimate(
         raise BadInput(f"sweeps and clipped must be one value or {records} values, one a record: {error}") from error
     if records and not np.all(counts >= 1):
         raise BadInput(f"sweeps must be at least 1, not {np.min(counts):g}")
-    if not records or times.size < LEAST_SAMPLES:
-        return _nothing(records)
-    shapes: Shapes | None = None
-    if method == "template":
-        shapes = shapes_of(calibration) if calibration else learn_unaided(values, times, limits, counts)
-    parts = [
-        _block(values[part], times, usable[part], counts[part], seen_clipped[part], method, shapes, calibration, limits)
-        for part in (slice(first, first + BLOCK) for first in range(0, records, BLOCK))
-    ]
-    return Ranges.joined(parts)
+    return _Records(values, usable, counts, seen_clipped)
 
 
-def _block(
-    traces: FloatArray,
-    times: FloatArray,
-    usable: NDArray[np.bool_],
-    sweeps: FloatArray,
-    seen_clipped: NDArray[np.bool_],
-    method: Method,
-    shapes: Shapes | None,
-    calibration: Calibration | None,
-    limits: RangingSettings,
-) -> Ranges:
+def _block(records: _Records, way: _Way) -> Ranges:
+    traces, usable, sweeps, seen_clipped = records
+    times, method, shapes, calibration, limits = way
     coarse = coarse_traces(traces, float(times[1] - times[0]), limits)
     reference = next_pulse(coarse, limits)
     echo = next_pulse(coarse, limits, reference)
     further = next_pulse(coarse, limits, echo)
     noise = calibration.noise if calibration else ShotNoise()
-    start = half_maximum(traces, times, coarse, reference, noise, sweeps)
-    stop = half_maximum(traces, times, coarse, echo, noise, sweeps)
+    start = half_maximum(traces, times, coarse, reference, noise, sweeps, limits)
+    stop = half_maximum(traces, times, coarse, echo, noise, sweeps, limits)
 
-    flags = _flag_pulses(coarse, reference, echo, further, start, stop, limits)
+    flags = _flag_pulses(coarse, (reference, echo, further), (start, stop), limits)
     mark(flags, Flag.NO_REFERENCE, ~usable)
     lowest, highest = limits.clip_mv
     ends = (traces.min(axis=1) < lowest) | (traces.max(axis=1) > highest)
@@ -125,21 +148,16 @@ def _block(
     if method == "template" and shapes is None:  # no record has two clear pulses, so there is nothing to fit with
         mark(flags, Flag.NO_ECHO, (flags & np.uint16(Flag.NO_REFERENCE)) == 0)
     elif shapes is not None:
-        pair, fit = fit_pair(traces, times, coarse, start, stop, shapes, sweeps)
+        pair, fit = fit_pair(traces, times, coarse, (start, stop), shapes, sweeps, limits)
         mark(flags, Flag.MIXED, ((flags & np.uint16(NO_RANGE)) == 0) & bad_fit(fit, limits))
     return to_ranges(pair, flags, method, calibration, limits)
 
 
 def _flag_pulses(
-    coarse: CoarseTraces,
-    reference: Pulses,
-    echo: Pulses,
-    further: Pulses,
-    start: Edges,
-    stop: Edges,
-    limits: RangingSettings,
+    coarse: CoarseTraces, pulses: tuple[Pulses, Pulses, Pulses], edges: tuple[Edges, Edges], limits: RangingSettings
 ) -> FlagArray:
-    """Judge the pulses by their number, width and separation."""
+    """Judge reference, echo and what follows by their number, width and separation."""
+    (reference, echo, further), (start, stop) = pulses, edges
     flags = np.zeros(len(start.time_ps), dtype=np.uint16)
     start_width, stop_width = reference.fwhm_ps(coarse), echo.fwhm_ps(coarse)
     with np.errstate(invalid="ignore"):
@@ -148,7 +166,7 @@ def _flag_pulses(
         merged = start_width > limits.widest_ps
         no_stop |= echo.peak >= coarse.values_mv.shape[1] - 2  # the peak may lie behind the end of the trace
         two_surfaces = further.found | (stop_width > limits.widest_ps)
-        touching = echo.valley_mv > np.maximum(coarse.step_mv, limits.ringing_share / 2 * echo.height_mv)
+        touching = echo.valley_mv > np.maximum(coarse.step_mv, limits.touching_share * echo.height_mv)
     mark(flags, Flag.NO_REFERENCE, no_start)
     mark(flags, Flag.OVERLAPPED | Flag.NO_ECHO, ~no_start & merged)
     mark(flags, Flag.NO_ECHO, ~no_start & no_stop)
@@ -157,20 +175,20 @@ def _flag_pulses(
     return flags
 
 
-def _check_times(times_ps: ArrayLike) -> FloatArray:
+def _check_times(times_ps: ArrayLike, limits: RangingSettings) -> FloatArray:
     times = np.asarray(times_ps, dtype=np.float64)
     if times.ndim != 1 or times.size < 2 or not np.all(np.isfinite(times)):
         raise BadInput(f"times_ps must be a row of finite sampling instants, not an array of shape {times.shape}")
     steps = np.diff(times)
     step = (times[-1] - times[0]) / (times.size - 1)
-    if step <= 0 or np.max(np.abs(steps - step)) > 1e-3 * step:
+    if step <= 0 or np.max(np.abs(steps - step)) > limits.max_step_deviation * step:
         raise BadInput(
             f"times_ps must be evenly spaced and increase; its steps go from {steps.min()} to {steps.max()} ps"
         )
     return times
 
 
-def _stack(traces: FloatArray | Sequence[ArrayLike], samples: int) -> tuple[FloatArray, NDArray[np.bool_]]:
+def _stack(traces: FloatArray | Sequence[ArrayLike], samples: int) -> tuple[FloatArray, BoolArray]:
     """Return the traces as (R, samples), zeros where a trace cannot be used, and which can."""
     if isinstance(traces, np.ndarray) and traces.ndim != 2:
         raise BadInput(f"traces must be one row a record, not an array of shape {traces.shape}")

@@ -1,4 +1,4 @@
-"""The dissertation's time-significant point (S 2.5): 50 % of the pulse's own peak on the leading edge."""
+"""The dissertation's time-significant point (section 2.5): 50 % of the pulse's own peak on the leading edge."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from picoradar.instrument.calibration import ShotNoise
 from picoradar.instrument.ranging.pair import PulsePair
 from picoradar.instrument.ranging.pulses import CoarseTraces, Pulses
+from picoradar.instrument.ranging.settings import RangingSettings
+from picoradar.instrument.ranging.shape_table import excess_variance
 
 FloatArray = NDArray[np.float64]
 
-PEAK_PS = 80.0  # half width of the parabola through the peak
-EDGE_PS = 80.0  # half width of the cubic about the crossing, for the slope (a line's would be 3 % too small)
-REACH_PS = 700.0  # how far before the peak the crossing may lie
 # Variance of the last of several crossings over that of a single one, against the rise of the edge from one sample to
 # the next in standard deviations of the noise: a straight edge with independent normal noise and any place of the
 # samples on it, 400 000 times each (tests/instrument/test_ranging.py does it again).
@@ -58,6 +57,7 @@ def half_maximum(
     pulses: Pulses,
     noise: ShotNoise,
     sweeps: FloatArray,
+    settings: RangingSettings,
 ) -> Edges:
     """Find where each pulse crosses half of its own peak, walking back from the peak to the first sample below.
 
@@ -78,15 +78,16 @@ def half_maximum(
         Noise on a pulse beyond that of the trace between the pulses.
     sweeps : (R,) float array
         Sweeps averaged in each trace.
+    settings : RangingSettings
     """
     step_ps = float(times_ps[1] - times_ps[0])
     rows = np.arange(len(traces_mv))
     centre = pulses.peak * coarse.width + coarse.width // 2
-    peak_mv, shape = _peak(traces_mv, centre, step_ps)
+    peak_mv, shape = _peak(traces_mv, centre, settings.peak_half_width_ps / step_ps)
     height = peak_mv - coarse.baseline_mv
     level = (peak_mv + coarse.baseline_mv) / 2
 
-    reach = np.arange(round(REACH_PS / step_ps))
+    reach = np.arange(round(settings.edge_reach_ps / step_ps))
     index = centre[:, None] - reach
     values = np.take_along_axis(traces_mv, np.maximum(index, 0), axis=1)
     below = (values < level[:, None]) & (index >= 0)
@@ -96,15 +97,12 @@ def half_maximum(
     v0, v1 = traces_mv[rows, low], traces_mv[rows, low + 1]
     share = np.divide(level - v0, v1 - v0, out=np.full_like(level, np.nan), where=crossed)
 
-    slope = _slope(traces_mv, low, step_ps)
+    slope = _slope(traces_mv, low, step_ps, settings.slope_half_width_ps / step_ps)
     crossed &= slope > 0
     slope = np.where(crossed, slope, np.nan)
 
     def variance(signal_mv: FloatArray, slope_mv_per_ps: FloatArray | float) -> FloatArray:
-        signal = np.maximum(signal_mv, 0.0)
-        excess = (
-            noise.signal_mv * signal + (noise.signal_share * signal) ** 2 + (noise.jitter_ps * slope_mv_per_ps) ** 2
-        )
+        excess = excess_variance(noise, signal_mv, slope_mv_per_ps)
         return np.asarray(coarse.noise_mv**2 + excess / sweeps, dtype=np.float64)
 
     height_variance = shape * variance(height, 0.0)
@@ -138,14 +136,14 @@ def join(start: Edges, stop: Edges, coarse: CoarseTraces) -> PulsePair:
     )
 
 
-def _peak(traces_mv: FloatArray, centre: NDArray[np.int64], step_ps: float) -> tuple[FloatArray, FloatArray]:
+def _peak(traces_mv: FloatArray, centre: NDArray[np.int64], half_width: float) -> tuple[FloatArray, FloatArray]:
     """Return the vertex of the parabola through the samples about each peak, and its variance for unit noise.
 
     The pulse is not symmetric about its peak, so where the samples lie about it matters: a second parabola is put
     about the vertex of the first.
     """
     samples = traces_mv.shape[1]
-    half = max(2, min(round(PEAK_PS / step_ps), (samples - 1) // 2))
+    half = max(2, min(round(half_width), (samples - 1) // 2))  # five samples at least for three unknowns
     place = np.arange(-half, half + 1)
     solve = np.linalg.pinv(np.vander(place / half, 3, increasing=True))
     for _ in range(2):
@@ -158,10 +156,10 @@ def _peak(traces_mv: FloatArray, centre: NDArray[np.int64], step_ps: float) -> t
     return level + tilt * vertex + bend * vertex**2, variance
 
 
-def _slope(traces_mv: FloatArray, low: NDArray[np.int64], step_ps: float) -> FloatArray:
+def _slope(traces_mv: FloatArray, low: NDArray[np.int64], step_ps: float, half_width: float) -> FloatArray:
     """Return the slope (mV/ps) of a cubic through the samples about each crossing."""
     samples = traces_mv.shape[1]
-    half = max(2, min(round(EDGE_PS / step_ps), (samples - 1) // 2))
+    half = max(2, min(round(half_width), (samples - 1) // 2))
     place = np.arange(-half, half + 1)
     solve = np.linalg.pinv(np.vander(place / half, 4, increasing=True))[1]
     centre = np.clip(low, half, samples - half - 1)

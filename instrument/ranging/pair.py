@@ -17,8 +17,6 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 FlagArray = NDArray[np.uint16]
 
-LEAST_SHARED = 8
-
 
 @dataclass(frozen=True)
 class PulsePair(PerRecord):
@@ -49,7 +47,7 @@ class PulsePair(PerRecord):
     covariance_ps_mv: FloatArray
 
 
-def share_reference(pair: PulsePair, use: BoolArray) -> PulsePair:
+def share_reference(pair: PulsePair, use: BoolArray, settings: RangingSettings) -> PulsePair:
     """Replace each record's reference by the mean over the records, if their scatter is that of the noise alone.
 
     The reference stands still over a line: the same fibre, and a delay that drifts with the temperature of the diode.
@@ -61,15 +59,16 @@ def share_reference(pair: PulsePair, use: BoolArray) -> PulsePair:
     pair : PulsePair
     use : (R,) bool array
         Records whose reference is good.
+    settings : RangingSettings
     """
     count = int(use.sum())
-    if count < LEAST_SHARED:
+    if count < settings.min_shared:
         return pair
     weight = np.where(use, 1.0 / pair.reference_variance_ps2, 0.0)
-    place = np.where(use, pair.reference_ps, 0.0)
-    mean = float(weight @ place / weight.sum())
-    scatter = float(weight @ (place - mean) ** 2)
-    if scatter > (count - 1) + 5.0 * math.sqrt(2.0 * (count - 1)):
+    seen = np.where(use, pair.reference_ps, 0.0)
+    mean = float(weight @ seen / weight.sum())
+    scatter = float(weight @ (seen - mean) ** 2)
+    if scatter > (count - 1) + settings.shared_scatter_sigmas * math.sqrt(2.0 * (count - 1)):
         return pair
     return replace(
         pair,

@@ -33,7 +33,7 @@ class CoarseTraces:
     noise_mv : (R,) float array
         Standard deviation of a sample between the pulses.
     step_mv : (R,) float array
-        Least significant rise.
+        Smallest significant rise.
     """
 
     values_mv: FloatArray
@@ -89,7 +89,7 @@ def coarse_traces(traces_mv: FloatArray, step_ps: float, settings: RangingSettin
     count. The baseline is the mean before the first pulse, or the median of the bins if there is too little before.
     """
     records, samples = traces_mv.shape
-    width = max(1, min(round(settings.bin_ps / step_ps), samples // 8))
+    width = max(1, min(round(settings.bin_ps / step_ps), samples // settings.min_bins))
     bins = samples // width
     cut = traces_mv[:, : bins * width]
     means = cut.reshape(records, bins, width).mean(axis=2)
@@ -103,9 +103,9 @@ def coarse_traces(traces_mv: FloatArray, step_ps: float, settings: RangingSettin
     noise = np.sqrt(np.einsum("rb,rb->r", scatter, quiet[:, :-1]) / np.maximum(quiet.sum(axis=1), 1))
     step = _significant(noise, width, settings)
     values = means - middle[:, None]
-    before = np.argmax(values > step[:, None], axis=1) - 2  # bins before the first pulse, less its foot
+    before = np.argmax(values > step[:, None], axis=1) - settings.foot_bins  # without a pulse
     sums = np.cumsum(values, axis=1)
-    enough = before >= 4
+    enough = before >= settings.min_baseline_bins
     shift = np.where(enough, sums[np.arange(records), np.maximum(before, 1) - 1] / np.maximum(before, 1), 0.0)
     values -= shift[:, None]
     used = width * np.where(enough, before, bins * 2 / np.pi)  # a median is worth 2 / pi of its samples
@@ -143,5 +143,5 @@ def next_pulse(coarse: CoarseTraces, settings: RangingSettings, after: Pulses | 
 
 
 def _significant(noise_mv: FloatArray, width: int, settings: RangingSettings) -> FloatArray:
-    least: FloatArray = np.maximum(settings.detection_sigmas * noise_mv / np.sqrt(width), settings.least_response_mv)
-    return least
+    step: FloatArray = np.maximum(settings.detection_sigmas * noise_mv / np.sqrt(width), settings.min_response_mv)
+    return step

@@ -1,4 +1,9 @@
-"""`RangingSettings`: what counts as a pulse, and what is held against one."""
+"""Every threshold of ranging in one place, with name, unit and source; what the planner of windows aims at is in
+`picoradar.instrument.ranging.windows.PlanSettings`.
+
+Where no source is named, `python benchmarks/ranging.py sensitivity` is the source: it halves and doubles each one, and
+docs/ranging.md has its table. "Receiver" is the dissertation's: rise 210 ps, full width at half maximum 600 ps.
+"""
 
 from __future__ import annotations
 
@@ -7,40 +12,220 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class RangingSettings:
-    """Limits of the search for pulses; the defaults fit the dissertation's receiver (rise 210 ps, FWHM 600 ps).
+    """Thresholds of `estimate`, `estimate_windows` and `estimate_places`.
 
     Attributes
     ----------
+    min_samples, min_window_samples : int
+        Fewer samples of a trace or window hold no pulse; three unknowns need a few samples on each side of an edge.
+    max_step_deviation : float
+        By how much of its mean a sampling step may differ; rounding of instants to 0.001 ps stays far below.
     detection_sigmas : float
         A pulse must rise by this many standard deviations of the noise of the coarse trace; 6 gives less than one
-        false pulse in a million traces.
-    least_response_mv : float
-        And by at least this (mV), so that a trace without noise needs no special rule.
-    bin_ps : float
-        Width of the bins of the coarse trace; a quarter of the rise time keeps the pulse's form.
+        false pulse in a million traces (normal noise, 200 bins a trace).
+    min_response_mv : float
+        And by at least this (mV), so that a trace without noise needs no special rule: four codes of the A/D.
+    bin_ps, min_bins : float, int
+        Width of the bins of the coarse trace (ps); a quarter of the rise time keeps the pulse's form. A short trace
+        still has so many bins.
+    foot_bins, min_baseline_bins : int
+        Bins before the first pulse that its foot may have reached, and how many more it takes to tell the baseline;
+        with fewer it is the median of all bins.
     narrowest_ps, widest_ps : float
-        Full widths at half maximum (ps) between which a pulse is one pulse. Narrower is a disturbance, wider is two
-        pulses run into each other.
+        Full widths at half maximum (ps) between which a pulse is one pulse: receiver, half and 1.25 times its own.
+        Narrower is a disturbance, wider is two pulses run into each other.
     ringing_ps, ringing_share : float
-        For that long after a pulse's peak, whatever is below that share of it is its own ringing.
+        For so long (ps) after a pulse's peak, whatever is below that share of it is its own ringing.
+    touching_share : float
+        Pulses overlap when the trace does not fall below that share of the second one between them.
     low_response_mv : float
-        Echoes below are flagged.
+        Echoes below (mV) are flagged: there the walk is several mm (dissertation, figure 2.15).
+    clip_mv : (float, float)
+        A mean outside (mV) is clipped. Codes 1 and 254 of the reference device: a mean beyond the last whole code
+        must have an end code (0 or 255) in its sum (protocol sheet ``sampling_bridge``).
+    peak_half_width_ps, slope_half_width_ps : float
+        Of the parabola through the peak, and of the cubic about the crossing, for the slope (ps); the slope of a line
+        would be 3 % too small.
+    edge_reach_ps : float
+        How far before the peak the crossing may lie (ps); a little more than the full width.
+    piece_lead_ps, piece_trail_ps : float
+        Piece about the 50 % point that is fitted (ps): from the foot to behind the fall.
+    max_steps, settled_ps : int, float
+        Gauss-Newton steps, and the length (ps) of one that ends them: it leaves an error of its square over the rise
+        time, 0.04 ps.
+    max_move_ps, min_growth : float
+        Largest change of the delay (ps), and least ratio of the amplitudes, in one step: where there is no pulse.
+    outlier_sigmas, max_outlier_share, max_outliers : float, float, int
+        Samples so far off the fit are left out, if they are not more than that share of the piece, or that many; more
+        are not a misfired shot but another shape. 5.5: one good sample in 26 million.
     worst_misfit_sigmas, worst_residual : float
         An echo whose fit leaves residuals so many standard deviations above what noise gives, and greater than this
         share of its amplitude, has not the form of one surface.
-    clip_mv : (float, float)
-        A mean outside is clipped. Codes 1 and 254 of the reference device: a mean beyond the last whole code
-        must have an end code (0 or 255) in its sum.
+    prior_sd : float
+        Knowledge before the fit, in ps and mV: nothing to a real pulse, but a piece without one stays solvable.
+    phase_ps, rung, table_margin, table_reach_ps : float
+        Look-up table of a pulse: spacing of its delays (ps), ratio of its neighbouring amplitudes, factor by which
+        they go beyond those that were learnt, and extent to either side of the 50 % point (ps).
+    min_shared, shared_scatter_sigmas : int, float
+        References that are averaged at least, and by how many standard deviations the sum of their squared deviations
+        may exceed its expectation.
+    window_smooth_ps : float
+        Over so much (ps) a window is smoothed to find its highest pulse: a quarter of the rise time, as `bin_ps`.
+    window_foot_ps, window_top_ps : float
+        Least way (ps) of the 50 % point from start and end of its window: foot and peak must be inside.
+    start_height_mv : float
+        Amplitude (mV) at which a fit starts where the window shows none.
     """
 
+    min_samples: int = 64
+    min_window_samples: int = 12
+    max_step_deviation: float = 1e-3
     detection_sigmas: float = 6.0
-    least_response_mv: float = 2.0
+    min_response_mv: float = 2.0
     bin_ps: float = 50.0
+    min_bins: int = 8
+    foot_bins: int = 2
+    min_baseline_bins: int = 4
     narrowest_ps: float = 300.0
     widest_ps: float = 750.0
     ringing_ps: float = 1200.0
     ringing_share: float = 0.15
+    touching_share: float = 0.075
     low_response_mv: float = 15.0
+    clip_mv: tuple[float, float] = (-15.5, 111.0)
+    peak_half_width_ps: float = 80.0
+    slope_half_width_ps: float = 80.0
+    edge_reach_ps: float = 700.0
+    piece_lead_ps: float = 250.0
+    piece_trail_ps: float = 900.0
+    max_steps: int = 6
+    settled_ps: float = 3.0
+    max_move_ps: float = 60.0
+    min_growth: float = 0.2
+    outlier_sigmas: float = 5.5
+    max_outlier_share: float = 0.02
+    max_outliers: int = 2
     worst_misfit_sigmas: float = 6.0
     worst_residual: float = 0.02
-    clip_mv: tuple[float, float] = (-15.5, 111.0)
+    prior_sd: float = 1e4
+    phase_ps: float = 1.0
+    rung: float = 1.15
+    table_margin: float = 2.0
+    table_reach_ps: float = 1200.0
+    min_shared: int = 8
+    shared_scatter_sigmas: float = 5.0
+    window_smooth_ps: float = 60.0
+    window_foot_ps: float = 80.0
+    window_top_ps: float = 130.0
+    start_height_mv: float = 1.0
+
+
+@dataclass(frozen=True)
+class LearningSettings:
+    """Thresholds of `learn`, and of the shapes that `estimate` learns from the records themselves.
+
+    Attributes
+    ----------
+    from_ps, to_ps : float
+        Extent of the shapes about the 50 % point (ps): receiver, from before the foot to behind the ringing.
+    smooth_ps, smooth_degree, min_smooth_samples : float, int, int
+        Smoothing polynomial (Savitzky and Golay): degree 4 over half the rise time (ps) keeps the pulse's form; over
+        fewer samples it would go through all of them.
+    min_records : int
+        Of a level.
+    min_level_ratio : float
+        By how much two levels' responses must differ, as a share.
+    noise_rounds : int
+        Weighted fits of the noise model; the weights settle in two.
+    min_floor_mv, min_variance_mv2 : float
+        Of traces without any noise: weights must stay finite.
+    decimals : int
+        Kept of a shape: 1e-5 of the peak is below any noise.
+    max_records, coarsest_ps : int, float
+        Records that shapes are learnt from without a calibration, and the coarsest step (ps) for it: a quarter of
+        the rise time.
+    rung_log : float
+        Responses within a quarter share one shape (difference of logarithms).
+    fine_ps : float
+        Step (ps) in which the peak and half height of a mean shape are looked for; its square is far below 1 ps.
+    """
+
+    from_ps: float = -500.0
+    to_ps: float = 1500.0
+    smooth_ps: float = 100.0
+    smooth_degree: int = 4
+    min_smooth_samples: int = 7
+    min_records: int = 20
+    min_level_ratio: float = 0.02
+    noise_rounds: int = 3
+    min_floor_mv: float = 1e-3
+    min_variance_mv2: float = 1e-12
+    decimals: int = 5
+    max_records: int = 256
+    coarsest_ps: float = 50.0
+    rung_log: float = 0.25
+    fine_ps: float = 0.25
+
+
+@dataclass(frozen=True)
+class WalkSettings:
+    """Thresholds and priors of `fit_walk`; priors as (lowest, highest, number of values).
+
+    Attributes
+    ----------
+    min_levels, min_readings : int
+        Gray levels, and usable readings in each.
+    min_level_ratio : float
+        By how much two levels' responses must differ, as a share.
+    outlier_sigmas, min_deviation_mm : float
+        Readings so many robust standard deviations off their level's median are left out; the median deviation
+        counts as at least so much (mm), far below a reading's noise.
+    rounds : int
+        The slope of the first tells what a wrong response does to an error.
+    knots : int
+        Of the curve in the calibration file.
+    drawn : int
+        Curves drawn from the process; their standard deviation is known to 4 %.
+    min_prior_weight : float
+        A prior less likely than that share of the likeliest one is left out: it changes nothing.
+    reference_mv : float
+        Response (mV) at which the priors' scales hold.
+    scales_mm, length_logs, powers : (float, float, int)
+        Prior scales of the walk (mm), lengths of the kernel in ln(response), and powers of the response with which
+        the walk dies out.
+    """
+
+    min_levels: int = 4
+    min_readings: int = 10
+    min_level_ratio: float = 1e-3
+    outlier_sigmas: float = 5.0
+    min_deviation_mm: float = 1e-9
+    rounds: int = 2
+    knots: int = 97
+    drawn: int = 400
+    min_prior_weight: float = 1e-3
+    reference_mv: float = 15.0
+    scales_mm: tuple[float, float, int] = (0.02, 60.0, 14)
+    length_logs: tuple[float, float, int] = (0.2, 3.0, 10)
+    powers: tuple[float, float, int] = (0.0, 6.0, 5)
+
+
+@dataclass(frozen=True)
+class AveragingSettings:
+    """Thresholds of `average_sweeps` and `average_ranges`.
+
+    Attributes
+    ----------
+    sweep_sigmas, pulse_excess : float
+        A sweep is left out when its mean square deviation exceeds the usual one by so many standard deviations; noise
+        is greater on the pulses, so that so many times fewer samples than there are decide.
+    outlier_sigmas : float
+        A reading so far off the median is left out.
+    min_to_judge : int
+        Of two readings none can be judged.
+    """
+
+    sweep_sigmas: float = 8.0
+    pulse_excess: float = 4.0
+    outlier_sigmas: float = 5.0
+    min_to_judge: int = 3

@@ -17,13 +17,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from picoradar.instrument.calibration import ShotNoise
+from picoradar.instrument.ranging.settings import RangingSettings
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-PHASE_PS = 1.0  # places of the 50 % point between two samples lie at most so far apart
-RUNG = 1.15  # ratio of neighbouring amplitudes
-REACH_PS = 1200.0  # of a piece to either side of the 50 % point
 PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
@@ -36,21 +34,28 @@ class Entries(NamedTuple):
     amplitude_mv: FloatArray
 
 
+class PulseFamily(NamedTuple):
+    """Shapes of a pulse: ``shapes`` (K, N) of unit peak, at amplitudes ``response_mv`` (K,) that increase;
+    ``start_ps`` is the time of the first value of each against its 50 % point, ``spacing_ps`` that from value to
+    value."""
+
+    start_ps: float
+    spacing_ps: float
+    response_mv: FloatArray
+    shapes: FloatArray
+
+
 class ShapeTable:
     """Look-up of one family of pulse shapes.
 
     Parameters
     ----------
-    start_ps, spacing_ps : float
-        Time of the first value of each shape against its 50 % point, and from value to value.
-    response_mv : (K,) array
-        Amplitudes of the shapes, increasing.
-    shapes : (K, N) array
-        Unit peak.
+    family : PulseFamily
     noise : ShotNoise
         Noise of a sample; its floor must be known.
     step_ps : float
         Sampling step of the traces to be fitted.
+    settings : RangingSettings
 
     Attributes
     ----------
@@ -58,21 +63,15 @@ class ShapeTable:
         Middle one of the amplitudes.
     """
 
-    def __init__(
-        self,
-        start_ps: float,
-        spacing_ps: float,
-        response_mv: FloatArray,
-        shapes: FloatArray,
-        noise: ShotNoise,
-        step_ps: float,
-    ) -> None:
+    def __init__(self, family: PulseFamily, noise: ShotNoise, step_ps: float, settings: RangingSettings) -> None:
+        start_ps, spacing_ps, response_mv, shapes = family
         self.step_ps = step_ps
         self.usual_mv = float(response_mv[len(response_mv) // 2])
-        lowest, highest = response_mv[0] / 2, response_mv[-1] * 2
-        self._ladder = np.geomspace(lowest, highest, int(np.ceil(np.log(highest / lowest) / np.log(RUNG))) + 1)
-        self._phases = int(np.ceil(step_ps / PHASE_PS))
-        self._before = int(np.ceil(REACH_PS / step_ps))
+        lowest, highest = response_mv[0] / settings.table_margin, response_mv[-1] * settings.table_margin
+        rungs = int(np.ceil(np.log(highest / lowest) / np.log(settings.rung)))
+        self._ladder = np.geomspace(lowest, highest, rungs + 1)
+        self._phases = int(np.ceil(step_ps / settings.phase_ps))
+        self._before = int(np.ceil(settings.table_reach_ps / step_ps))
         self._length = 2 * self._before
         shift = np.arange(self._phases)[:, None] / self._phases
         time = (np.arange(self._length) - self._before - shift) * step_ps  # (P, N) after the 50 % point
@@ -152,9 +151,14 @@ class ShapeTable:
 
 def sample_variance(noise: ShotNoise, signal_mv: FloatArray, slope_mv_per_ps: FloatArray) -> FloatArray:
     """Return the variance (mV^2) of single samples of a single sweep, with the noise model of the calibration."""
+    return np.asarray(noise.floor_mv**2 + excess_variance(noise, signal_mv, slope_mv_per_ps), dtype=np.float64)
+
+
+def excess_variance(noise: ShotNoise, signal_mv: FloatArray, slope_mv_per_ps: FloatArray | float) -> FloatArray:
+    """Return what a pulse adds to the variance (mV^2) of a single sample of a single sweep (docs/ranging.md)."""
     signal = np.maximum(signal_mv, 0.0)
     excess = noise.signal_mv * signal + (noise.signal_share * signal) ** 2 + (noise.jitter_ps * slope_mv_per_ps) ** 2
-    return np.asarray(noise.floor_mv**2 + excess, dtype=np.float64)
+    return np.asarray(excess, dtype=np.float64)
 
 
 def _matrix(sums: FloatArray) -> FloatArray:

@@ -14,13 +14,14 @@ from picoradar.instrument.ranging.half_maximum import Edges
 from picoradar.instrument.ranging.pair import PulsePair
 from picoradar.instrument.ranging.pulses import CoarseTraces
 from picoradar.instrument.ranging.settings import RangingSettings
-from picoradar.instrument.ranging.shape_table import ShapeTable
+from picoradar.instrument.ranging.shape_table import PulseFamily, ShapeTable
 from picoradar.instrument.ranging.template_fit import PulseFit, fit_pulses
 
 FloatArray = NDArray[np.float64]
 Shapes = tuple[Templates, ShotNoise]
 
-LEAD_PS, TRAIL_PS = 250.0, 900.0  # piece about the 50 % point that is fitted: from the foot to behind the fall
+MIN_VARIANCE_MV2 = 1e-12  # of a baseline without noise: its weight must stay finite
+NO_KNOWLEDGE = np.eye(3) * 1e12  # covariance (ps^2, mV^2) of what counts for nothing
 
 
 def shapes_of(calibration: Calibration) -> Shapes:
@@ -39,17 +40,18 @@ def shapes_of(calibration: Calibration) -> Shapes:
     return calibration.templates, calibration.noise
 
 
-def tables(shapes: Shapes, step_ps: float) -> tuple[ShapeTable, ShapeTable]:
+def tables(shapes: Shapes, step_ps: float, settings: RangingSettings) -> tuple[ShapeTable, ShapeTable]:
     """Return the look-up tables of reference and echo for a sampling step."""
-    return _tables(*shapes, step_ps)
+    return _tables(*shapes, step_ps, settings)
 
 
 @lru_cache(maxsize=16)
-def _tables(templates: Templates, noise: ShotNoise, step_ps: float) -> tuple[ShapeTable, ShapeTable]:
+def _tables(
+    templates: Templates, noise: ShotNoise, step_ps: float, settings: RangingSettings
+) -> tuple[ShapeTable, ShapeTable]:
     def table(response_mv: tuple[float, ...], shapes: tuple[tuple[float, ...], ...]) -> ShapeTable:
-        return ShapeTable(
-            templates.start_ps, templates.step_ps, np.array(response_mv), np.array(shapes), noise, step_ps
-        )
+        family = PulseFamily(templates.start_ps, templates.step_ps, np.array(response_mv), np.array(shapes))
+        return ShapeTable(family, noise, step_ps, settings)
 
     return table((templates.reference_mv,), (templates.reference,)), table(templates.response_mv, templates.echoes)
 
@@ -58,10 +60,10 @@ def fit_pair(
     traces_mv: FloatArray,
     times_ps: FloatArray,
     coarse: CoarseTraces,
-    start: Edges,
-    stop: Edges,
+    edges: tuple[Edges, Edges],
     shapes: Shapes,
     sweeps: FloatArray,
+    settings: RangingSettings,
 ) -> tuple[PulsePair, PulseFit]:
     """Fit reference and echo of whole traces, and return the pair and the echo's fit.
 
@@ -70,11 +72,13 @@ def fit_pair(
     fit of everything would (`combine`).
     """
     step_ps = float(times_ps[1] - times_ps[0])
+    start, stop = edges
     fits, firsts = [], []
-    for table, edges in zip(tables(shapes, step_ps), (start, stop), strict=True):
-        pieces, first = _cut(traces_mv, times_ps, edges.time_ps)
-        guess = np.nan_to_num(edges.time_ps - times_ps[first])
-        fits.append(fit_pulses(pieces, table, guess, np.nan_to_num(edges.height_mv, nan=1.0), sweeps))
+    for table, edge in zip(tables(shapes, step_ps, settings), edges, strict=True):
+        pieces, first = _cut(traces_mv, times_ps, edge.time_ps, settings)
+        guess = np.nan_to_num(edge.time_ps - times_ps[first])
+        height = np.nan_to_num(edge.height_mv, nan=settings.start_height_mv)
+        fits.append(fit_pulses(pieces, table, guess, height, sweeps, settings))
         firsts.append(times_ps[first])
     lost = np.isnan(start.time_ps) | np.isnan(stop.time_ps)
     echo = unreliable(fits[1], lost)
@@ -98,7 +102,7 @@ def combine(
     """
     found = [(reference.baseline_mv, reference.covariance[:, 2, 2]), (echo.baseline_mv, echo.covariance[:, 2, 2])]
     if baseline_mv is not None and baseline_variance_mv2 is not None:
-        found.append((baseline_mv, np.maximum(baseline_variance_mv2, 1e-12)))
+        found.append((baseline_mv, np.maximum(baseline_variance_mv2, MIN_VARIANCE_MV2)))
     total = np.sum([1.0 / variance for _, variance in found], axis=0)
     common = np.sum([value / variance for value, variance in found], axis=0) / total
 
@@ -135,15 +139,18 @@ def bad_fit(fit: PulseFit, limits: RangingSettings) -> NDArray[np.bool_]:
 def unreliable(fit: PulseFit, where: NDArray[np.bool_]) -> PulseFit:
     """Return a fit whose baseline counts for nothing where there is no pulse, so that it does not move the other
     one."""
-    covariance = np.where(where[:, None, None], np.eye(3) * 1e12, fit.covariance)
+    covariance = np.where(where[:, None, None], NO_KNOWLEDGE, fit.covariance)
     return fit._replace(baseline_mv=np.where(where, 0.0, fit.baseline_mv), covariance=covariance)
 
 
-def _cut(traces_mv: FloatArray, times_ps: FloatArray, edge_ps: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
+def _cut(
+    traces_mv: FloatArray, times_ps: FloatArray, edge_ps: FloatArray, settings: RangingSettings
+) -> tuple[FloatArray, NDArray[np.int64]]:
     """Cut a piece about each time-significant point; at an end of the trace it is moved inwards."""
     step_ps = float(times_ps[1] - times_ps[0])
-    samples = min(round((LEAD_PS + TRAIL_PS) / step_ps), len(times_ps))
-    first = np.rint((np.nan_to_num(edge_ps, nan=times_ps[0]) - LEAD_PS - times_ps[0]) / step_ps).astype(np.int64)
+    lead = settings.piece_lead_ps
+    samples = min(round((lead + settings.piece_trail_ps) / step_ps), len(times_ps))
+    first = np.rint((np.nan_to_num(edge_ps, nan=times_ps[0]) - lead - times_ps[0]) / step_ps).astype(np.int64)
     first = np.clip(first, 0, len(times_ps) - samples)
     return np.take_along_axis(traces_mv, first[:, None] + np.arange(samples), axis=1), first
 

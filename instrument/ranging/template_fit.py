@@ -7,18 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from picoradar.instrument.ranging.settings import RangingSettings
 from picoradar.instrument.ranging.shape_table import ShapeTable
 
 FloatArray = NDArray[np.float64]
 
-MOST_STEPS = 6
-LARGEST_MOVE_PS = 60.0
-LEAST_GROWTH = 0.2  # of the amplitude in one step, where there is no pulse
-SETTLED_PS = 3.0  # a Gauss-Newton step that short leaves an error of its square over the rise time
-OUTLIER_SIGMAS = 5.5
-MOST_OUTLIERS = 0.02  # more than that share of the samples is not a misfired shot but another shape
-# Knowledge before the fit, 1e4 ps and 1e4 mV: nothing to a real pulse, but a piece without one stays solvable.
-RIDGE = np.eye(3) * 1e-8
+UNKNOWNS = 3  # delay, amplitude, baseline
 
 
 class PulseFit(NamedTuple):
@@ -51,6 +45,7 @@ def fit_pulses(
     delay_ps: FloatArray,
     amplitude_mv: FloatArray,
     sweeps: FloatArray,
+    settings: RangingSettings,
 ) -> PulseFit:
     """Fit ``b + s(t; tau, A)`` to pieces of traces by Gauss-Newton steps on the weighted residuals.
 
@@ -67,19 +62,21 @@ def fit_pulses(
         Where to start.
     sweeps : (R,) float array
         Sweeps averaged.
+    settings : RangingSettings
     """
-    fit = _fit(pieces_mv, table, delay_ps, amplitude_mv, sweeps)
+    fit = _fit(pieces_mv, table, delay_ps, amplitude_mv, sweeps, settings)
     left, weight = fit.residuals
-    far = left**2 * weight * sweeps[:, None] > OUTLIER_SIGMAS**2
+    far = left**2 * weight * sweeps[:, None] > settings.outlier_sigmas**2
     count = far.sum(axis=1)
-    again = np.flatnonzero((count > 0) & (count <= max(2, MOST_OUTLIERS * pieces_mv.shape[1])))
+    most = max(settings.max_outliers, settings.max_outlier_share * pieces_mv.shape[1])
+    again = np.flatnonzero((count > 0) & (count <= most))
     if len(again):
-        mended = np.where(far[again], pieces_mv[again] - left[again], pieces_mv[again])
-        better = _fit(mended, table, fit.delay_ps[again], fit.amplitude_mv[again], sweeps[again])
+        repaired = np.where(far[again], pieces_mv[again] - left[again], pieces_mv[again])
+        better = _fit(repaired, table, fit.delay_ps[again], fit.amplitude_mv[again], sweeps[again], settings)
         for old, new in zip(fit.arrays, better.arrays, strict=True):
             old[again] = new
     left, weight = fit.residuals
-    freedom = pieces_mv.shape[1] - 3
+    freedom = pieces_mv.shape[1] - UNKNOWNS
     misfit = np.einsum("rm,rm,rm->r", left, left, weight) * sweeps
     return PulseFit(
         fit.delay_ps,
@@ -104,7 +101,12 @@ class _Fit(NamedTuple):
 
 
 def _fit(
-    pieces: FloatArray, table: ShapeTable, delay_ps: FloatArray, amplitude_mv: FloatArray, sweeps: FloatArray
+    pieces: FloatArray,
+    table: ShapeTable,
+    delay_ps: FloatArray,
+    amplitude_mv: FloatArray,
+    sweeps: FloatArray,
+    settings: RangingSettings,
 ) -> _Fit:
     """Take Gauss-Newton steps, each on the records that have not settled yet.
 
@@ -113,19 +115,20 @@ def _fit(
     error of the start comes through by those 7 %.
     """
     records, samples = pieces.shape
+    prior = np.eye(UNKNOWNS) / settings.prior_sd**2
     delay, amplitude = delay_ps.copy(), amplitude_mv.copy()
     baseline = np.empty(records)
     moving = np.arange(records)
-    for _ in range(MOST_STEPS):
+    for _ in range(settings.max_steps):
         part = pieces if len(moving) == records else pieces[moving]
         near = table.locate(delay[moving], amplitude[moving], samples)
-        normal = table.normal_matrix(near, samples) + RIDGE
+        normal = table.normal_matrix(near, samples) + prior
         step = np.linalg.solve(normal, table.score(near, part)[:, :, None])[:, :, 0]
         before = delay[moving]
         amplitude[moving], baseline[moving] = near.amplitude_mv + step[:, 1], step[:, 2]
-        grown = np.maximum(amplitude[moving] / near.amplitude_mv, LEAST_GROWTH)
-        delay[moving] = near.delay_ps + np.clip(step[:, 0] / grown, -LARGEST_MOVE_PS, LARGEST_MOVE_PS)
-        moving = moving[np.abs(delay[moving] - before) > SETTLED_PS]
+        grown = np.maximum(amplitude[moving] / near.amplitude_mv, settings.min_growth)
+        delay[moving] = near.delay_ps + np.clip(step[:, 0] / grown, -settings.max_move_ps, settings.max_move_ps)
+        moving = moving[np.abs(delay[moving] - before) > settings.settled_ps]
         if not len(moving):
             break
     # Where the last entry was depends on the last delay but one, so it is looked up again for the residuals.
@@ -133,5 +136,5 @@ def _fit(
     moved = (delay - near.delay_ps) * amplitude / near.amplitude_mv
     rest = np.column_stack([moved, amplitude - near.amplitude_mv, baseline])
     residuals = table.residual(near, rest, pieces)
-    covariance = np.linalg.inv(table.information(delay, amplitude, samples) + RIDGE)
+    covariance = np.linalg.inv(table.information(delay, amplitude, samples) + prior)
     return _Fit(delay, amplitude, baseline, covariance / sweeps[:, None, None], residuals)

@@ -70,7 +70,7 @@ def test_wild_and_missing_readings_are_left_out() -> None:
 def test_wrong_shapes_are_refused() -> None:
     with pytest.raises(BadInput, match="records, sweeps, samples"):
         average_sweeps(np.zeros((3, 4)))
-    with pytest.raises(BadInput, match="places, readings"):
+    with pytest.raises(BadInput, match="points, readings"):
         average_ranges(np.zeros((3, 4)), np.ones((3, 5)))
     with pytest.raises(BadInput, match="positive"):
         average_ranges(np.zeros((3, 4)), np.zeros((3, 4)))

@@ -10,9 +10,6 @@ from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.ranging.windows.fit import Window, promised_sd_mm
 
-FOOT_PS, TOP_PS = 180.0, 240.0  # from before the rise to behind the peak
-COARSEST_PS = 40.0
-
 
 @dataclass(frozen=True)
 class PlanSettings:
@@ -36,6 +33,24 @@ class PlanSettings:
         Response to plan for while none has been seen.
     free_shots : int
         Shots on the reference that cost no time, because the mirrors settle meanwhile.
+    foot_ps, top_ps : float
+        Part of a pulse (ps) that a window must hold, before and behind its 50 % point: from before the rise to behind
+        the peak.
+    coarsest_ps : float
+        Coarsest step (ps): with a fifth of the rise time, edges still have five samples.
+    margins_ps : tuple of floats
+        Margins (ps) to choose from, rising: 30 ps are 4.5 mm. An echo less sure than the last one is searched in the
+        whole working range.
+    reference_margin_ps : float
+        Of the reference (ps), which moves with the temperature of the laser diode alone.
+    min_response_mv : float
+        Weakest response (mV) that is planned for; a weaker one would take the shots of many others.
+    monitor_sd_share : float
+        Share of ``wanted_sd_mm`` that a point which is monitored for motion is measured to.
+    neighbours, dropped_share : int, float
+        An echo is suspected below that share of the median response of so many points to either side.
+    response_rung : float
+        Ratio of the responses that are planned for: then only few forms of windows occur.
 
     Raises
     ------
@@ -52,6 +67,16 @@ class PlanSettings:
     shared_reference: bool = True
     first_response_mv: float = 30.0
     free_shots: int = 0
+    foot_ps: float = 180.0
+    top_ps: float = 240.0
+    coarsest_ps: float = 40.0
+    margins_ps: tuple[float, ...] = (30.0, 60.0, 120.0, 240.0)
+    reference_margin_ps: float = 20.0
+    min_response_mv: float = 3.0
+    monitor_sd_share: float = 0.6
+    neighbours: int = 4
+    dropped_share: float = 0.75
+    response_rung: float = 1.1
 
     def __post_init__(self) -> None:
         if not (self.wanted_sd_mm > 0 and 0 < self.nearest_mm < self.farthest_mm and self.first_response_mv > 0):
@@ -61,9 +86,9 @@ class PlanSettings:
             )
         if not (self.steps_ps and self.sweeps and min(self.steps_ps) > 0 and min(self.sweeps) >= 1):
             raise BadInput("the planner needs at least one step above 0 ps and one number of sweeps of 1 or more")
-        if max(self.steps_ps) > COARSEST_PS:
+        if (coarsest := max(self.steps_ps)) > self.coarsest_ps:
             raise BadInput(
-                f"a step of {max(self.steps_ps):g} ps is too coarse for edges of 210 ps; at most {COARSEST_PS:g} ps"
+                f"a step of {coarsest:g} ps is too coarse for edges of 210 ps; at most {self.coarsest_ps:g} ps"
             )
 
 
@@ -87,7 +112,7 @@ def cheapest_windows(
     calibration : Calibration
         With templates and noise.
     reference_margin_ps, margin_ps : float
-        By how much each pulse may stand off its expected place.
+        By how much each pulse may be off from where it is expected.
     response_mv : float
         Amplitude of the echo.
     sharing : int
@@ -100,7 +125,7 @@ def cheapest_windows(
         references,
         echoes,
         response_mv=response_mv,
-        room_ps=(reference_margin_ps + FOOT_PS, margin_ps + FOOT_PS),
+        room_ps=(reference_margin_ps + s.foot_ps, margin_ps + s.foot_ps),
         sharing=sharing if s.shared_reference else 1,
     )
     first = np.maximum([w.shots(s.settle_shots) for w in references], s.free_shots)
@@ -113,9 +138,9 @@ def cheapest_windows(
 
 def _windows(settings: PlanSettings, margin_ps: float) -> list[Window]:
     """Return the windows that cover a pulse to a margin, from few shots to many."""
-    span = FOOT_PS + TOP_PS + 2 * margin_ps
+    span = settings.foot_ps + settings.top_ps + 2 * margin_ps
     return [
-        Window(-margin_ps - FOOT_PS, step, int(np.ceil(span / step)) + 1, sweeps)
+        Window(-margin_ps - settings.foot_ps, step, int(np.ceil(span / step)) + 1, sweeps)
         for sweeps in settings.sweeps
         for step in settings.steps_ps
     ]

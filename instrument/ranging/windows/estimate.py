@@ -17,7 +17,7 @@ from picoradar.instrument.ranging.pair import PulsePair, mark, mark_misplaced, s
 from picoradar.instrument.ranging.ranges import Ranges
 from picoradar.instrument.ranging.settings import RangingSettings
 from picoradar.instrument.ranging.shape_table import ShapeTable
-from picoradar.instrument.ranging.template import LEAD_PS, TRAIL_PS, bad_fit, combine, shapes_of, tables, unreliable
+from picoradar.instrument.ranging.template import bad_fit, combine, shapes_of, tables, unreliable
 from picoradar.instrument.ranging.template_fit import PulseFit, fit_pulses
 from picoradar.instrument.ranging.windows.fit import Place, Window
 from picoradar.instrument.ranging.windows.traces import WindowTraces
@@ -26,8 +26,6 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 FlagArray = NDArray[np.uint16]
 
-SMOOTH_PS = 60.0
-FOOT_PS, TOP_PS = 80.0, 130.0  # least way of the 50 % point from either end of its window
 BLOCK = 512  # records handled together: their windows stay in the cache
 
 
@@ -65,7 +63,7 @@ def estimate_windows(
     limits = settings or RangingSettings()
     seen_clipped = np.broadcast_to(np.asarray(clipped, dtype=np.bool_), (len(reference.values_mv),))
     pair, flags = _pairs(reference, echo, seen_clipped, calibration, limits)
-    return _ranges(pair, flags, shared_reference, calibration, limits)
+    return _ranges(pair, flags, calibration, limits, shared_reference=shared_reference)
 
 
 def estimate_places(
@@ -106,9 +104,8 @@ def estimate_places(
         pairs.append(pair)
         flags.append(found)
     back = np.argsort(order)
-    return _ranges(
-        PulsePair.joined(pairs).taken(back), np.concatenate(flags)[back], shared_reference, calibration, limits
-    )
+    pair, found = PulsePair.joined(pairs).taken(back), np.concatenate(flags)[back]
+    return _ranges(pair, found, calibration, limits, shared_reference=shared_reference)
 
 
 def with_retaken(ranges: Ranges, places: NDArray[np.intp], again: Ranges) -> Ranges:
@@ -155,8 +152,8 @@ def _block(
     limits: RangingSettings,
 ) -> tuple[PulsePair, FlagArray]:
     shapes = shapes_of(calibration)
-    first = _fit(reference, tables(shapes, reference.step_ps)[0], limits)
-    second = _fit(echo, tables(shapes, echo.step_ps)[1], limits)
+    first = _fit(reference, tables(shapes, reference.step_ps, limits)[0], limits)
+    second = _fit(echo, tables(shapes, echo.step_ps, limits)[1], limits)
     flags = np.zeros(len(reference.values_mv), dtype=np.uint16)
     mark(flags, Flag.NO_REFERENCE, first.missing | bad_fit(first.fit, limits))
     mark(flags, Flag.NO_ECHO, second.missing & ~first.missing)
@@ -170,11 +167,16 @@ def _block(
 
 
 def _ranges(
-    pair: PulsePair, flags: FlagArray, shared_reference: bool, calibration: Calibration, limits: RangingSettings
+    pair: PulsePair,
+    flags: FlagArray,
+    calibration: Calibration,
+    limits: RangingSettings,
+    *,
+    shared_reference: bool,
 ) -> Ranges:
     mark_misplaced(flags, pair, calibration)
     if shared_reference:
-        pair = share_reference(pair, (flags & np.uint16(Flag.NO_REFERENCE)) == 0)
+        pair = share_reference(pair, (flags & np.uint16(Flag.NO_REFERENCE)) == 0, limits)
     return to_ranges(pair, flags, "template", calibration, limits)
 
 
@@ -191,21 +193,22 @@ class _Found(NamedTuple):
 def _fit(window: WindowTraces, table: ShapeTable, limits: RangingSettings) -> _Found:
     usable = np.asarray(np.isfinite(window.values_mv).all(axis=1), dtype=np.bool_)
     whole = window.values_mv if usable.all() else np.where(usable[:, None], window.values_mv, 0.0)
-    edge, height = _half_way(whole, window.step_ps)
-    samples = min(whole.shape[1], round((LEAD_PS + TRAIL_PS) / window.step_ps))
-    cut = np.clip(edge - round(LEAD_PS / window.step_ps), 0, whole.shape[1] - samples)
+    edge, height = _half_way(whole, window.step_ps, limits)
+    lead = limits.piece_lead_ps
+    samples = min(whole.shape[1], round((lead + limits.piece_trail_ps) / window.step_ps))
+    cut = np.clip(edge - round(lead / window.step_ps), 0, whole.shape[1] - samples)
     pieces = whole
     if samples < whole.shape[1]:
         pieces = np.take_along_axis(whole, cut[:, None] + np.arange(samples), axis=1)
     guess = np.asarray((edge - cut) * window.step_ps, dtype=np.float64)
-    fit = fit_pulses(pieces, table, guess, height, window.sweeps)
-    place = fit.delay_ps + cut * window.step_ps
+    fit = fit_pulses(pieces, table, guess, height, window.sweeps, limits)
+    delay = fit.delay_ps + cut * window.step_ps
     sd = np.sqrt(fit.covariance[:, 1, 1])
     missing = (
         ~usable
-        | (fit.amplitude_mv < np.maximum(limits.detection_sigmas * sd, limits.least_response_mv))
-        | (place < FOOT_PS)
-        | (place > (whole.shape[1] - 1) * window.step_ps - TOP_PS)
+        | (fit.amplitude_mv < np.maximum(limits.detection_sigmas * sd, limits.min_response_mv))
+        | (delay < limits.window_foot_ps)
+        | (delay > (whole.shape[1] - 1) * window.step_ps - limits.window_top_ps)
     )
     others = _others(whole, cut, samples, fit, window.step_ps, limits)
     return _Found(fit, window.first_ps + cut * window.step_ps, missing, others)
@@ -215,7 +218,7 @@ def _others(
     whole: FloatArray, cut: NDArray[np.int64], samples: int, fit: PulseFit, step_ps: float, limits: RangingSettings
 ) -> BoolArray:
     """Return where another pulse stands outside the piece that was fitted."""
-    width = max(1, round(SMOOTH_PS / step_ps))
+    width = max(1, round(limits.window_smooth_ps / step_ps))
     if whole.shape[1] < samples + width:
         return np.zeros(len(whole), dtype=np.bool_)
     index = np.arange(whole.shape[1])
@@ -223,13 +226,13 @@ def _others(
     sums = np.cumsum(np.where(outside, whole - fit.baseline_mv[:, None], 0.0), axis=1)
     highest = np.max(sums[:, width:] - sums[:, :-width], axis=1) / width
     noise = limits.detection_sigmas * fit.residual_mv / np.sqrt(width)
-    least = np.maximum(limits.least_response_mv, limits.ringing_share * fit.amplitude_mv)
+    least = np.maximum(limits.min_response_mv, limits.ringing_share * fit.amplitude_mv)
     return np.asarray(highest > np.maximum(noise, least), dtype=np.bool_)
 
 
-def _half_way(values: FloatArray, step_ps: float) -> tuple[NDArray[np.int64], FloatArray]:
+def _half_way(values: FloatArray, step_ps: float, limits: RangingSettings) -> tuple[NDArray[np.int64], FloatArray]:
     """Return the sample nearest to half way up to the highest, and that height, in smoothed traces."""
-    width = max(1, min(round(SMOOTH_PS / step_ps), values.shape[1] // 4))
+    width = max(1, min(round(limits.window_smooth_ps / step_ps), values.shape[1] // 4))  # of a short window, a part
     sums = np.cumsum(values, axis=1)
     smooth = (sums[:, width:] - sums[:, :-width]) / width  # of samples 1 .. M - 1
     top = np.argmax(smooth, axis=1)
@@ -239,4 +242,4 @@ def _half_way(values: FloatArray, step_ps: float) -> tuple[NDArray[np.int64], Fl
     below = (smooth < (high + low) / 2) & (index <= top[:, None])
     last = smooth.shape[1] - 1 - np.argmax(below[:, ::-1], axis=1)
     edge = np.where(below.any(axis=1), last, 0) + 1 + width // 2
-    return edge, np.maximum((high - low)[:, 0], 1.0)
+    return edge, np.maximum((high - low)[:, 0], limits.start_height_mv)

@@ -12,7 +12,7 @@ from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.ranging.pair import to_ranges
 from picoradar.instrument.ranging.settings import RangingSettings
 from picoradar.instrument.ranging.shape_table import ShapeTable
-from picoradar.instrument.ranging.template import LEAD_PS, TRAIL_PS, combine, shapes_of, tables
+from picoradar.instrument.ranging.template import combine, shapes_of, tables
 from picoradar.instrument.ranging.template_fit import PulseFit
 
 FloatArray = NDArray[np.float64]
@@ -87,9 +87,11 @@ def promised_sd_mm(
     BadInput
         When the calibration has no templates.
     """
-    shapes = shapes_of(calibration)
-    first = _promise([tables(shapes, w.step_ps)[0] for w in references], references, None, room_ps[0])
-    second = _promise([tables(shapes, w.step_ps)[1] for w in echoes], echoes, response_mv, room_ps[1])
+    shapes, limits = shapes_of(calibration), RangingSettings()
+    of_references = [tables(shapes, w.step_ps, limits)[0] for w in references]
+    of_echoes = [tables(shapes, w.step_ps, limits)[1] for w in echoes]
+    first = _promise(of_references, references, None, room_ps[0], limits)
+    second = _promise(of_echoes, echoes, response_mv, room_ps[1], limits)
     index = np.indices((len(references), len(echoes))).reshape(2, -1)
     blank = np.zeros(index.shape[1])
     fits = [
@@ -101,18 +103,23 @@ def promised_sd_mm(
         shared = pair.echo_variance_ps2 + pair.reference_variance_ps2 / sharing
         pair = replace(pair, interval_variance_ps2=shared)
     anywhere = calibration.model_copy(update={"reference_ps": None})
-    ranges = to_ranges(pair, np.zeros(len(blank), dtype=np.uint16), "template", anywhere, RangingSettings())
+    ranges = to_ranges(pair, np.zeros(len(blank), dtype=np.uint16), "template", anywhere, limits)
     return np.sqrt(ranges.variance_mm2).reshape(len(references), len(echoes))
 
 
 def _promise(
-    shapes: Sequence[ShapeTable], windows: Sequence[Window], amplitude_mv: float | None, room_ps: float
+    shapes: Sequence[ShapeTable],
+    windows: Sequence[Window],
+    amplitude_mv: float | None,
+    room_ps: float,
+    limits: RangingSettings,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the amplitude (W,) and the covariance (W, 3, 3) of a fit in each window."""
     amplitudes, covariances = np.empty(len(windows)), np.empty((len(windows), 3, 3))
     for k, (table, window) in enumerate(zip(shapes, windows, strict=True)):
-        samples = min(window.samples, round((LEAD_PS + TRAIL_PS) / window.step_ps))
+        samples = min(window.samples, round((limits.piece_lead_ps + limits.piece_trail_ps) / window.step_ps))
         amplitudes[k] = table.usual_mv if amplitude_mv is None else amplitude_mv
-        information = table.information(np.array([min(room_ps, LEAD_PS)]), amplitudes[k : k + 1], samples)[0]
+        delay = np.array([min(room_ps, limits.piece_lead_ps)])
+        information = table.information(delay, amplitudes[k : k + 1], samples)[0]
         covariances[k] = np.linalg.inv(information) / window.sweeps
     return amplitudes, covariances

@@ -31,11 +31,6 @@ from picoradar.instrument.ranging.windows.fit import Place, Window
 
 FloatArray = NDArray[np.float64]
 
-MARGINS_PS = (30.0, 60.0, 120.0, 240.0)
-REFERENCE_MARGIN_PS = 20.0
-LEAST_RESPONSE_MV = 3.0
-LOOK_SD = 0.6  # of the wanted uncertainty
-NEAR, LEAST_SHARE = 4, 0.75  # response against the median of the places near by
 RETRY = Flag.NO_ECHO | Flag.NO_REFERENCE | Flag.MIXED
 
 
@@ -88,11 +83,12 @@ class WindowPlanner:
         """Return the windows for a look at a place that was seen before, with about half of the usual uncertainty and
         a reference of its own."""
         reference_ps, reference_margin_ps = self._reference
+        settings = self.settings
         windows = cheapest_windows(
-            replace(self.settings, wanted_sd_mm=LOOK_SD * self.settings.wanted_sd_mm),
+            replace(settings, wanted_sd_mm=settings.monitor_sd_share * settings.wanted_sd_mm),
             self.calibration,
             reference_margin_ps=reference_margin_ps,
-            margin_ps=MARGINS_PS[-2],
+            margin_ps=settings.margins_ps[-2],
             response_mv=response_mv,
             sharing=1,
         )
@@ -107,12 +103,11 @@ class WindowPlanner:
         """
         narrow = np.array([not place.wide for place in places], dtype=np.bool_)
         poor = (ranges.flags & np.uint16(RETRY)) != 0
-        usual = np.array(
-            [_median(ranges.response_mv[max(0, c - NEAR) : c + NEAR + 1]) for c in range(len(ranges.response_mv))]
-        )
+        response, near, share = ranges.response_mv, self.settings.neighbours, self.settings.dropped_share
+        usual = np.array([_median(response[max(0, c - near) : c + near + 1]) for c in range(len(response))])
         with np.errstate(invalid="ignore"):
-            dropped = ranges.response_mv < LEAST_SHARE * usual
-            dropped &= ~(ranges.response_mv > LEAST_SHARE * self._response_mv)  # the line before showed nothing else
+            dropped = response < share * usual
+            dropped &= ~(response > share * self._response_mv)  # the line before showed nothing else
         return np.flatnonzero(narrow & (poor | dropped))
 
     def learn(self, ranges: Ranges) -> None:
@@ -130,7 +125,7 @@ class WindowPlanner:
         one_surface = good & ((ranges.flags & np.uint16(Flag.MIXED)) == 0)
         self._response_mv = np.where(one_surface, ranges.response_mv, np.nan)
         if np.isfinite(ranges.reference_ps).any():
-            self._reference = float(np.nanmedian(ranges.reference_ps)), REFERENCE_MARGIN_PS
+            self._reference = float(np.nanmedian(ranges.reference_ps)), self.settings.reference_margin_ps
 
     def memory(self) -> dict[str, Any]:
         """Get what the next line is planned from, as plain numbers (NaN where nothing is known)."""
@@ -156,7 +151,7 @@ class WindowPlanner:
         if self.calibration.reference_ps is None:
             raise BadInput("windows need a calibration with reference_ps, the place of the reference on the trace")
         earliest, latest = self.calibration.reference_ps
-        return (earliest + latest) / 2, (latest - earliest) / 2 + REFERENCE_MARGIN_PS
+        return (earliest + latest) / 2, (latest - earliest) / 2 + self.settings.reference_margin_ps
 
     def _expectation(self) -> tuple[FloatArray, FloatArray]:
         """Return where each echo is expected (ps, NaN: unknown) and by how much that may be wrong."""
@@ -169,8 +164,8 @@ class WindowPlanner:
         between = (padded[:-2] + padded[2:]) / 2
         apart = np.abs(padded[:-2] - padded[2:])
         expected = np.where(np.isfinite(last), last + step, between)
-        margin = np.where(np.isfinite(last), spread, apart) + MARGINS_PS[0]
-        return np.where(margin <= MARGINS_PS[-1], expected, np.nan), margin
+        margin = np.where(np.isfinite(last), spread, apart) + self.settings.margins_ps[0]
+        return np.where(margin <= self.settings.margins_ps[-1], expected, np.nan), margin
 
     def _place(
         self, expected_ps: float, margin_ps: float, response_mv: float, reference_place: tuple[float, float]
@@ -183,10 +178,11 @@ class WindowPlanner:
             farthest = reference_ps + (self.settings.farthest_mm - zero) / scale
             expected_ps, margin_ps = (nearest + farthest) / 2, (farthest - nearest) / 2
         else:
-            margin_ps = next(m for m in MARGINS_PS if m >= margin_ps)
+            margin_ps = next(m for m in self.settings.margins_ps if m >= margin_ps)
         response = self.settings.first_response_mv if np.isnan(response_mv) else response_mv
         # Planned for a little less, in steps of a tenth: then only few forms of windows occur.
-        rung = float(1.1 ** np.floor(np.log(max(response, LEAST_RESPONSE_MV)) / np.log(1.1)))
+        ratio = self.settings.response_rung
+        rung = float(ratio ** np.floor(np.log(max(response, self.settings.min_response_mv)) / np.log(ratio)))
         reference, echo = self._choose(reference_margin_ps, margin_ps, rung)
         return Place(_at(reference, reference_ps), _at(echo, expected_ps), wide)
 

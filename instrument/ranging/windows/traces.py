@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from picoradar.instrument.errors import BadInput
+from picoradar.instrument.ranging.settings import RangingSettings
 
 FloatArray = NDArray[np.float64]
-
-LEAST_SAMPLES = 12
 
 
 @dataclass(frozen=True)
@@ -43,9 +42,9 @@ class WindowTraces:
             When the shapes do not fit, or a window has fewer than 12 samples.
         """
         values = np.asarray(values_mv, dtype=np.float64)
-        if values.ndim != 2 or values.shape[1] < LEAST_SAMPLES or not step_ps > 0:
+        if values.ndim != 2 or values.shape[1] < RangingSettings.min_window_samples or not step_ps > 0:
             raise BadInput(
-                f"a window needs (R, M >= {LEAST_SAMPLES}) samples and a positive step, "
+                f"a window needs (R, M >= {RangingSettings.min_window_samples}) samples and a positive step, "
                 f"not shape {values.shape} and {step_ps:g} ps"
             )
         try:
