@@ -29,8 +29,22 @@ Path = tuple[tuple[str, int | None], ...]  # from the root of a tree to a node: 
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change: where it is (function, line ``at``, lines of the statement), what it is, whether it runs when the function does and not on import,
-    and the tree with it."""
+    """One change.
+
+    Attributes
+    ----------
+    function : str
+    at : int
+        Line of the change.
+    line, last_line : int
+        Of the statement that holds it.
+    change : str
+        Source text before and after.
+    in_body : bool
+        Whether it takes effect when a function is called, and not on import.
+    make : callable
+        Returns the module's tree with the change.
+    """
 
     function: str
     at: int

@@ -140,6 +140,17 @@ def paired_points(
         For arrays of wrong shape, with NaN or infinite values, or with fewer than three pairs.
     DegenerateError
         For points that are collinear (the free axis is named).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from picoradar.registration import paired_points
+    >>> fixed = np.array([[0.0, 0, 0], [50, 0, 0], [0, 40, 0], [0, 0, 30]])
+    >>> found = paired_points(fixed, fixed - [1, 2, 3])
+    >>> found.fixed_from_moving[:3, 3].round(6)
+    array([1., 2., 3.])
+    >>> found.fre_mm < 1e-9
+    True
     """
     b, a = _checked(fixed, "fixed"), _checked(moving, "moving")
     if a.shape != b.shape:

@@ -83,6 +83,25 @@ def register(
     ------
     RegistrationError
         One of its family (points, start, degenerate geometry), saying what was found and what to do.
+
+    Examples
+    --------
+    Three sides of a wedge, seen from above; the scanner's frame is the model's, moved by (5, -3, 800) mm.
+
+    >>> import numpy as np
+    >>> from picoradar import prepare_model, register
+    >>> corners = np.array([[0.0, 0, 0], [60, 0, 0], [0, 40, 0], [10, 10, 50]])
+    >>> sides = [[0, 1, 3], [1, 2, 3], [2, 0, 3]]
+    >>> model = prepare_model(corners, [[0, 2, 1], *sides])
+    >>> shares = np.random.default_rng(1).dirichlet(np.ones(3), size=(3, 150))
+    >>> points = np.einsum("fnk,fkd->fnd", shares, corners[sides]).reshape(-1, 3) + [5, -3, 800]
+    >>> start = np.eye(4)
+    >>> start[:3, 3] = [-4, 2, -799]
+    >>> found = register(points, model, start=start, origin=[25, -100, 2000])
+    >>> found.verdict
+    'pass'
+    >>> np.abs(found.model_from_scanner[:3, 3] - [-5, 3, -800]).max() < 0.01
+    np.True_
     """
     scan = checked_scan(points, origin=origin, covariance=covariance, response_mv=response_mv, grid=grid)
     if noise_mm is not None and not LEAST_NOISE_MM <= noise_mm <= MOST_NOISE_MM:

@@ -73,6 +73,19 @@ class SimulatedBench:
     ------
     ValueError
         When a parameter is out of range or the target cannot be used.
+
+    Examples
+    --------
+    A driver talks to the simulated delay generator as to a real one:
+
+    >>> from picoradar import SimulatedBench
+    >>> from picoradar.drivers.dg645 import DG645
+    >>> from picoradar.drivers.links import SerialLink
+    >>> with SimulatedBench(target="plate", seed=3) as bench:
+    ...     generator = DG645(SerialLink(bench.urls["dg645"], bench.clock, device="DG645", baud=9600))
+    ...     generator.open()
+    ...     str(generator.identify())
+    'DG645, s/n 001013, ver1.02.0A'
     """
 
     def __init__(

@@ -72,6 +72,22 @@ def estimate(
     BadInput
         When ``times_ps`` is no evenly spaced axis, ``method``, ``sweeps`` or ``clipped`` do not fit, or the
         calibration lacks the templates that its method needs.
+
+    Examples
+    --------
+    Two pulses of one form, 4000 ps apart; without a calibration no walk correction covers the echo.
+
+    >>> import numpy as np
+    >>> from picoradar import estimate
+    >>> times_ps = 10.0 * np.arange(800)
+    >>> def pulse(at_ps):
+    ...     return 45.0 * np.exp(-(((times_ps - at_ps) / 250.0) ** 2))
+    >>> found = estimate([pulse(1500.0) + pulse(5500.0)], times_ps, method="half-maximum")
+    >>> found.range_mm.round(1)
+    array([599.4])
+    >>> from picoradar.instrument.line import Flag
+    >>> Flag(int(found.flags[0])).name
+    'WALK_EXTRAPOLATED'
     """
     limits = settings or RangingSettings()
     times = _check_times(times_ps, limits)

@@ -258,5 +258,14 @@ def open_recording(path: str | os.PathLike[str]) -> Recording:
     ------
     RecordingError
         If there is none, it is not a recording, or its header is damaged.
+
+    Examples
+    --------
+    After ``picoradar scan --target plate --grid 3x3 -o scan.db``:
+
+    >>> from picoradar import open_recording
+    >>> with open_recording("scan.db") as recording:
+    ...     recording.cloud().points_mm.shape
+    (9, 3)
     """
     return Recording.open(path)

@@ -28,6 +28,15 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     ------
     MeshError
         Naming the file, what was found and what to do.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> from picoradar import load_model
+    >>> _ = trimesh.creation.box((60, 50, 40)).export("block.stl")
+    >>> model = load_model("block.stl")
+    >>> model.name, model.closed
+    ('block.stl', True)
     """
     file = Path(path)
     if file.suffix.lower() not in SUFFIXES:

@@ -124,6 +124,14 @@ def prepare_model(vertices: npt.ArrayLike, faces: npt.ArrayLike, *, name: str = 
     ------
     MeshError
         See :func:`picoradar.registration.model.mesh.validated`.
+
+    Examples
+    --------
+    >>> from picoradar import prepare_model
+    >>> corners = [[0, 0, 0], [60, 0, 0], [0, 40, 0], [10, 10, 50]]
+    >>> model = prepare_model(corners, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], name="wedge")
+    >>> model.closed
+    True
     """
     given_vertices, given_faces = np.asarray(vertices), np.asarray(faces)
     key = cache.digest(given_vertices, given_faces)
