@@ -7,7 +7,8 @@
 
 A mutant is killed when one test of its file's room alone fails, or does not end in time. One process imports the
 libraries and forks for each mutant, in which a finder puts the changed module in place of the true one; only tests
-that reach the changed lines run, the quickest first. Results are kept as JSON lines; a run that was stopped goes on.
+that reach the changed lines run, the quickest first. Results are kept as JSON lines; a run that was stopped
+goes on, and survivors are tried again when the tests have changed.
 """
 
 from __future__ import annotations
@@ -74,7 +75,8 @@ def results(room: Room) -> list[dict[str, Any]]:
 def run(files: list[str], count: int, jobs: int) -> None:
     for file in files:
         room = Room(file, TESTS[file])
-        done = {f"{r['file']} {r['source']} {r['mutant']}" for r in read_all()}
+        tried = results(room)
+        done = {r["mutant"] for r in tried if r["killed"] or r["why"] or r.get("tests") == room.tests_digest}
         for row in room.run(count, jobs, done):
             with RESULTS.open("a", encoding="utf-8") as out:
                 out.write(json.dumps(row) + "\n")

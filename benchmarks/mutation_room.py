@@ -100,6 +100,8 @@ class Room:
         self.tests = sorted(str(p.relative_to(ROOT)) for pattern in tests for p in ROOT.glob(pattern))
         source = self.path.read_text(encoding="utf-8")
         self.digest = hashlib.sha256(source.encode()).hexdigest()[:12]
+        texts = b"".join((ROOT / test).read_bytes() for test in self.tests)
+        self.tests_digest = hashlib.sha256(texts).hexdigest()[:12]
         self.mutants = mutants(source)
 
     def put(self, code: Any) -> None:
@@ -149,9 +151,9 @@ class Room:
 
         return fork(work), time.monotonic() + limit
 
-    def run(self, count: int, jobs: int, done: set[str]) -> Iterator[dict[str, Any]]:
+    def run(self, count: int, jobs: int, done: set[int]) -> Iterator[dict[str, Any]]:
         """Try a sample; what is done is left out."""
-        left = [k for k in sampled(self.mutants, self.file, count) if f"{self.file} {self.digest} {k}" not in done]
+        left = [k for k in sampled(self.mutants, self.file, count) if k not in done]
         if not left:
             return
         self.baseline()
@@ -171,4 +173,4 @@ class Room:
             m = self.mutants[number]
             code = os.waitstatus_to_exitcode(status)  # 0: all passed; 5: no test reaches these lines
             what = {"function": m.function, "line": m.at, "change": m.change, "killed": code not in (0, UNREACHED)}
-            yield {"file": self.file, "source": self.digest, "mutant": number, **what}
+            yield {"file": self.file, "source": self.digest, "tests": self.tests_digest, "mutant": number, **what}

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from picoradar.drivers.dg645 import DG645, Channel, Inhibit, InstrumentStatus, Output, TriggerSource
-from picoradar.drivers.dg645.wire import Delay, encode, format_number
+from picoradar.drivers.dg645.wire import Delay, decode, encode, format_number, parse_delay
 from picoradar.drivers.errors import DeviceFault, LimitError, ProtocolError, Timeout
 from picoradar.sim.firmware.dg645 import Dg645Firmware
 from picoradar.sim.wires import InterlockChain, TriggerLine
@@ -378,3 +378,11 @@ def test_amplitude_and_offset_together_stay_below_6_v(generator):
     with pytest.raises(DeviceFault, match="illegal value"):
         generator.output(Output.AB).offset_v = 1.5
     generator.output(Output.AB).offset_v = 1.0
+
+
+def test_replies_are_printable_text():
+    assert decode(b"2,+0.000000010000\r\n") == "2,+0.000000010000"
+    assert parse_delay(decode(b"3,-0.000000010000\r\n")) == Delay(Channel.B, -1e-8)
+    for line in (b"5\x01\r\n", b"\xff\r\n"):
+        with pytest.raises(ValueError, match=r"control characters|ascii"):
+            decode(line)

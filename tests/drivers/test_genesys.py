@@ -9,7 +9,17 @@ import pytest
 
 from picoradar.drivers.errors import DeviceFault, LimitError, ProtocolError, Timeout
 from picoradar.drivers.genesys import Fault, Genesys, Status, parse_rating
-from picoradar.drivers.genesys.wire import Filter, Look, Remote, checksum, decode, encode
+from picoradar.drivers.genesys.wire import (
+    Filter,
+    Look,
+    Remote,
+    checksum,
+    decode,
+    encode,
+    format_number,
+    parse_look,
+    unsolicited_from,
+)
 from picoradar.sim.firmware.genesys import GenesysFirmware
 from picoradar.sim.wires import InterlockChain
 
@@ -398,3 +408,43 @@ def test_auto_start_brings_the_output_back(supply, interlock):
     assert not supply.output
     interlock.closed = True
     assert supply.output
+
+
+def test_replies_are_read_with_and_without_a_check_sum():
+    assert decode(b"OK\r") == "OK"
+    assert decode(b"OK$9a\r\n") == "OK"
+
+
+@pytest.mark.parametrize(
+    ("line", "with_checksum"),
+    [(b"O\x01K\r", False), (b"OK\r", True), (b"OK$9B\r", False), (b"\xffK\r", False), (b"", True)],
+)
+def test_a_damaged_reply_is_refused(line, with_checksum):
+    with pytest.raises(ValueError, match=r"control characters|check sum|ascii"):
+        decode(line, with_checksum=with_checksum)
+
+
+def test_registers_in_a_state_reply_are_hexadecimal():
+    state = parse_look("MV(000.00),PV(290),MC(0.0000),PC(0.1),SR(8C),FR(A0)")
+    assert state.status == Status.LOCAL | Status.FAULT | Status.NO_FAULT
+    assert state.fault == Fault.INTERLOCK | Fault.SHUT_OFF
+    with pytest.raises(ValueError, match="no reply to STT"):
+        parse_look("MV(000.00),PV(290),MC(0.0000),PC(0.1),SR(8C)")
+
+
+@pytest.mark.parametrize(("text", "address"), [("!06", 6), ("!30", 30), ("!6", None), ("06", None), ("!06 ", None)])
+def test_messages_that_come_unasked_are_known_by_their_form(text, address):
+    assert unsolicited_from(text) == address
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(290.0, "290"), (0.1, "0.1"), (0.0, "0"), (329.175, "329.175"), (1e-6, "0.000001"), (100, "100")],
+)
+def test_numbers_are_written_in_at_most_twelve_characters(value, text):
+    assert format_number(value) == text
+
+
+def test_a_name_without_a_rating_is_refused():
+    with pytest.raises(ValueError, match="does not tell a rating"):
+        parse_rating("LAMBDA,Z+")

@@ -509,3 +509,31 @@ def test_cable_pulled_during_a_reset_is_told_at_once(tec, clock):
 def test_target_out_of_range_sends_nothing(scripted):
     with pytest.raises(LimitError, match=r"target 2000 degC is outside -273\.15 to 1000 degC; nothing was sent"):
         Tec(scripted([])).regulate(2000.0)
+
+
+@pytest.mark.parametrize(("payload", "code"), [("+05", 5), ("+64", 0x64), ("+FF", 0xFF), ("05", None), ("+5", None)])
+def test_refusals_are_two_hex_digits(payload, code):
+    assert decode(encode("!", 1, 7, payload)).refusal == code
+
+
+@pytest.mark.parametrize("digits", ["41B8000", "41B800000", "41b80000", "41B8000G", ""])
+def test_numbers_are_eight_capital_hex_digits(digits):
+    for read in (decode_float, decode_int):
+        with pytest.raises(ValueError, match="eight capital hex digits"):
+            read(digits)
+
+
+@pytest.mark.parametrize(
+    "line", [b"", b"#01A007?VR006901A8B\r\n", b"$01A007?VR006901A8B7\r", b"#01a007?VR006901A8B7\r"]
+)
+def test_what_is_no_frame_is_refused(line):
+    with pytest.raises(ValueError, match="is no frame"):
+        decode(line)
+
+
+def test_an_acknowledgement_has_no_payload():
+    command = decode(COMPUTED[2][0])
+    assert decode(COMPUTED[2][1]).acknowledges(command.crc)
+    assert not decode(COMPUTED[2][1]).acknowledges(command.crc ^ 1)
+    assert not decode(encode("!", 1, 0xA003, "00000001", crc=command.crc)).acknowledges(command.crc)
+    assert encode("#", 0xAB, 0x00CD, "").startswith(b"#AB00CD")
