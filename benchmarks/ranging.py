@@ -36,7 +36,7 @@ AVERAGES, RESPONSES_MV = (1, 4, 8, 16), (15.0, 25.0, 35.0, 45.0, 55.0, 65.0)
 
 
 def efficiency(seed: int, count: int, picture: Path | None) -> None:
-    """Print, and draw, variance over bound, and variance over the variance told, for responses and averages."""
+    """Print, and draw, variance over bound, and variance over the reported variance, for responses and averages."""
     calibration, bound = calibrate(1000 * seed), Bound()
     bare = calibration.model_copy(update={"walk": {}})
     print(f"{count} readings of a plate at 1 m; the ratio of two variances is good to {100 * np.sqrt(2 / count):.0f} %")
@@ -50,10 +50,10 @@ def efficiency(seed: int, count: int, picture: Path | None) -> None:
         best = bound.sd_mm(found["template"], response, sweeps)
         ratio = np.array([crossing.var(), fitted.var()]) / best**2
         ratios[(slice(None), *np.unravel_index(number, ratios.shape[1:]))] = ratio
-        told = np.mean(fitted**2 / found["template"].variance_mm2)
+        reported = np.mean(fitted**2 / found["template"].variance_mm2)
         print(
             f"{response:6.0f} {sweeps:8d} {best:12.4f} | {crossing.std():16.3f} {ratio[0]:14.1f} |"
-            f" {fitted.std():15.4f} {ratio[1]:10.2f} {told:7.2f}"
+            f" {fitted.std():15.4f} {ratio[1]:10.2f} {reported:7.2f}"
         )
     if picture:
         draw(ratios, picture)
@@ -80,18 +80,19 @@ def walk(seed: int, count: int) -> None:
     calibration = calibrate(1000 * seed, count)
     bare = calibration.model_copy(update={"walk": {}})
     print(f"calibrated at {np.round(CALIBRATED_MV, 1).tolist()} mV, {count} readings each; held back:")
-    print("response |  half-maximum: before  after |  template: before  after  told sd | standard error")
+    print("response |  half-maximum: before  after |  template: before  after  reported sd | standard error")
     for response in HELD_BACK_MV:
         bench = painted(seed + 77, response, target="plate", distance_mm=DISTANCE_MM)
         traces, true = readings(bench, count, SWEEPS)
-        row, told, error = [], 0.0, 0.0
+        row, reported, error = [], 0.0, 0.0
         for method in METHODS:
             for with_calibration in (bare, calibration):
                 found = estimate(traces, TIMES_PS, method=method, calibration=with_calibration, sweeps=SWEEPS)
                 row.append(float(np.mean(found.range_mm - true)))
-            told, error = float(found.bias_sd_mm.mean()), float(found.range_mm.std() / np.sqrt(count))
+            reported, error = float(found.bias_sd_mm.mean()), float(found.range_mm.std() / np.sqrt(count))
         print(
-            f"{response:8.1f} | {row[0]:20.3f} {row[1]:6.3f} | {row[2]:17.3f} {row[3]:6.3f} {told:8.3f} | {error:.3f}"
+            f"{response:8.1f} | {row[0]:20.3f} {row[1]:6.3f} |"
+            f" {row[2]:17.3f} {row[3]:6.3f} {reported:12.3f} | {error:.3f}"
         )
 
 

@@ -33,6 +33,7 @@ from picoradar.instrument.ranging import (
     fit_walk,
     learn,
 )
+from picoradar.instrument.ranging.self_calibration import self_calibrate
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "instrument"))
 from conftest import HALF_LIGHT, SyntheticReceiver
@@ -185,7 +186,16 @@ def learnt(settings: LearningSettings) -> dict[str, Outcome]:
     templates, noise = learn(series(), TIMES, sweeps=8, learning=settings)
     using = calibration().model_copy(update={"templates": templates, "noise": noise})
     found = [(estimate(v, TIMES, calibration=using, sweeps=s), t) for v, s, t in traces()[:8]]
-    return {"calibrated with it": Outcome.of(found, noise.floor_mv, noise.jitter_ps)}
+    values, counts = np.vstack(series()), np.full(len(series()) * 40, 8.0)
+    alone = self_calibrate(values, TIMES, RangingSettings(), counts, settings)
+    if alone is None:
+        raise ValueError("no shapes could be learnt")
+    using = calibration().model_copy(update={"templates": alone[0], "noise": alone[1], "walk": {}})
+    ranges = [(estimate(v, TIMES, calibration=using, sweeps=8), 4003.1) for v in series()]
+    return {
+        "calibrated with it": Outcome.of(found, noise.floor_mv, noise.jitter_ps),
+        "self-calibrated": Outcome.of(ranges, alone[1].floor_mv, from_mean=True),
+    }
 
 
 def walked(settings: WalkSettings) -> dict[str, Outcome]:

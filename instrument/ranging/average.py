@@ -55,7 +55,7 @@ def average_sweeps(sweeps_mv: ArrayLike, *, settings: AveragingSettings | None =
     left_out = np.zeros((records, count), dtype=np.bool_)
     if count >= limits.min_to_judge:
         deviation = np.mean((sweeps - np.median(sweeps, axis=1, keepdims=True)) ** 2, axis=2)
-        most = 1.0 + limits.sweep_sigmas * np.sqrt(2.0 * limits.pulse_excess / samples)
+        most = 1.0 + limits.sweep_sigmas * np.sqrt(2.0 / samples)
         left_out = deviation > most * np.median(deviation, axis=1, keepdims=True)
     keep = ~left_out
     used = keep.sum(axis=1)

@@ -16,8 +16,8 @@ from picoradar.instrument.ranging.shape_table import excess_variance
 FloatArray = NDArray[np.float64]
 
 # Variance of the last of several crossings over that of a single one, against the rise of the edge from one sample to
-# the next in standard deviations of the noise: a straight edge with independent normal noise and any place of the
-# samples on it, 400 000 times each (tests/instrument/test_ranging.py does it again).
+# the next in standard deviations of the noise: a straight edge with independent normal noise and the
+# samples anywhere on it, 400 000 times each (tests/instrument/test_ranging.py does it again).
 LAST_CROSSING = np.array(
     [
         [0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0],
@@ -87,7 +87,7 @@ def half_maximum(
     height = peak_mv - coarse.baseline_mv
     level = (peak_mv + coarse.baseline_mv) / 2
 
-    reach = np.arange(round(settings.edge_reach_ps / step_ps))
+    reach = np.arange(round(settings.widest_ps / step_ps))  # no pulse's edge is longer
     index = centre[:, None] - reach
     values = np.take_along_axis(traces_mv, np.maximum(index, 0), axis=1)
     below = (values < level[:, None]) & (index >= 0)
@@ -144,11 +144,11 @@ def _peak(traces_mv: FloatArray, centre: NDArray[np.int64], half_width: float) -
     """
     samples = traces_mv.shape[1]
     half = max(2, min(round(half_width), (samples - 1) // 2))  # five samples at least for three unknowns
-    place = np.arange(-half, half + 1)
-    solve = np.linalg.pinv(np.vander(place / half, 3, increasing=True))
+    offset = np.arange(-half, half + 1)
+    solve = np.linalg.pinv(np.vander(offset / half, 3, increasing=True))
     for _ in range(2):
         centre = np.clip(centre, half, samples - half - 1)
-        level, tilt, bend = (np.take_along_axis(traces_mv, centre[:, None] + place, axis=1) @ solve.T).T
+        level, tilt, bend = (np.take_along_axis(traces_mv, centre[:, None] + offset, axis=1) @ solve.T).T
         vertex = np.clip(np.divide(-tilt, 2 * bend, out=np.zeros_like(bend), where=bend < 0), -1.0, 1.0)
         centre = centre + np.rint(vertex * half).astype(np.int64)
     powers = np.vander(vertex, 3, increasing=True)
@@ -160,8 +160,8 @@ def _slope(traces_mv: FloatArray, low: NDArray[np.int64], step_ps: float, half_w
     """Return the slope (mV/ps) of a cubic through the samples about each crossing."""
     samples = traces_mv.shape[1]
     half = max(2, min(round(half_width), (samples - 1) // 2))
-    place = np.arange(-half, half + 1)
-    solve = np.linalg.pinv(np.vander(place / half, 4, increasing=True))[1]
+    offset = np.arange(-half, half + 1)
+    solve = np.linalg.pinv(np.vander(offset / half, 4, increasing=True))[1]
     centre = np.clip(low, half, samples - half - 1)
-    values = np.take_along_axis(traces_mv, centre[:, None] + place, axis=1)
+    values = np.take_along_axis(traces_mv, centre[:, None] + offset, axis=1)
     return np.asarray(values @ solve / (half * step_ps), dtype=np.float64)

@@ -46,8 +46,6 @@ class RangingSettings:
     peak_half_width_ps, slope_half_width_ps : float
         Of the parabola through the peak, and of the cubic about the crossing, for the slope (ps); the slope of a line
         would be 3 % too small.
-    edge_reach_ps : float
-        How far before the peak the crossing may lie (ps); a little more than the full width.
     piece_lead_ps, piece_trail_ps : float
         Piece about the 50 % point that is fitted (ps): from the foot to behind the fall.
     max_steps, settled_ps : int, float
@@ -95,7 +93,6 @@ class RangingSettings:
     clip_mv: tuple[float, float] = (-15.5, 111.0)
     peak_half_width_ps: float = 80.0
     slope_half_width_ps: float = 80.0
-    edge_reach_ps: float = 700.0
     piece_lead_ps: float = 250.0
     piece_trail_ps: float = 900.0
     max_steps: int = 6
@@ -216,16 +213,15 @@ class AveragingSettings:
 
     Attributes
     ----------
-    sweep_sigmas, pulse_excess : float
-        A sweep is left out when its mean square deviation exceeds the usual one by so many standard deviations; noise
-        is greater on the pulses, so that so many times fewer samples than there are decide.
+    sweep_sigmas : float
+        A sweep is left out when its mean square deviation exceeds the usual one by so many standard deviations of
+        white noise: twice the 8 that would do, because noise is greater on the pulses, where fewer samples decide.
     outlier_sigmas : float
         A reading so far off the median is left out.
     min_to_judge : int
         Of two readings none can be judged.
     """
 
-    sweep_sigmas: float = 8.0
-    pulse_excess: float = 4.0
+    sweep_sigmas: float = 16.0
     outlier_sigmas: float = 5.0
     min_to_judge: int = 3

@@ -77,9 +77,9 @@ class ShapeTable:
         time = (np.arange(self._length) - self._before - shift) * step_ps  # (P, N) after the 50 % point
         own = start_ps + spacing_ps * np.arange(shapes.shape[1])
         spline = CubicSpline(own, shapes, axis=1)
-        place = np.clip(time, own[0], own[-1])
-        value = np.where(time < own[0], 0.0, spline(place))  # (K, P, N); behind its end a shape keeps its last value
-        rate = np.where((time >= own[0]) & (time <= own[-1]), spline(place, 1), 0.0)
+        inside = np.clip(time, own[0], own[-1])
+        value = np.where(time < own[0], 0.0, spline(inside))  # (K, P, N); behind its end a shape keeps its last value
+        rate = np.where((time >= own[0]) & (time <= own[-1]), spline(inside, 1), 0.0)
         level = self._ladder[:, None, None]
         shape, by_level = _between(response_mv, value, self._ladder)
         slope, _ = _between(response_mv, rate, self._ladder)
@@ -190,8 +190,8 @@ def _between(response_mv: FloatArray, values: FloatArray, ladder: FloatArray) ->
     if len(response_mv) == 1:
         shape = np.broadcast_to(values[0], (len(ladder), *values.shape[1:]))
         return np.asarray(shape), np.zeros_like(level)
-    known, place = np.log(response_mv), np.log(ladder)
-    inside = ((place >= known[0]) & (place <= known[-1]))[:, None, None]
+    known, rungs = np.log(response_mv), np.log(ladder)
+    inside = ((rungs >= known[0]) & (rungs <= known[-1]))[:, None, None]
     curve = PchipInterpolator(known, values, axis=0)
-    place = np.clip(place, known[0], known[-1])
-    return curve(place), np.where(inside, curve(place, 1), 0.0) / level
+    rungs = np.clip(rungs, known[0], known[-1])
+    return curve(rungs), np.where(inside, curve(rungs, 1), 0.0) / level

@@ -109,3 +109,28 @@ def test_path_out_of_range_is_refused(xy: list[list[int]], marked: list[bool], r
 def test_bad_name_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match="printable ASCII"):
         wire.encode_name(name)
+
+
+def test_limits_are_allowed_and_defaults_are_those_of_the_sheet() -> None:
+    assert wire.encode_name("x" * 20)[1:21] == b"x" * 20
+    assert wire.encode_name("x") == b"\x06x\0"
+    frame = wire.point_frame(7, 9)
+    assert (len(frame.xy), frame.rate_hz, frame.flags) == (10, 20_000, FrameFlag.PLAY_ONCE)
+    assert not frame.colours.any()
+    for rate_hz in (7, 65_535):
+        assert wire.path_frame([[0, 4095]], [True], rate_hz).rate_hz == rate_hz
+    assert len(wire.path_frame([[0, 0]] * 4095, [False] * 4095, 1000).xy) == 4095
+    assert wire.path_frame([[0, 0], [1, 1]], [True, False], 1000).colours.tolist() == [[0, 0, 255, 0], [0, 0, 0, 0]]
+
+
+def test_one_point_is_the_shortest_frame() -> None:
+    assert wire.decode_frame(bytes(5)) is None
+    one = wire.encode_frame(wire.point_frame(0xABC, 0x123, points=1))
+    found = wire.decode_frame(one)
+    assert found is not None
+    assert found.xy.tolist() == [[0xABC, 0x123]]
+    assert found.xy.dtype == np.uint16
+    loud = wire.decode_frame(one[:3] + bytes([1, 2, 3, 4]) + one[7:-1] + b"\xff")
+    assert loud is not None
+    assert loud.colours.tolist() == [[1, 2, 3, 4]]
+    assert loud.flags == FrameFlag.START_AT_ONCE | FrameFlag.PLAY_ONCE | FrameFlag.DO_NOT_BLOCK

@@ -155,3 +155,71 @@ def test_frame_after_lost_payload_bytes_is_found() -> None:
 
 def test_longer_payload_than_the_device_may_send_is_no_frame() -> None:
     assert FrameParser(4).feed(GOLDEN["frame"]) == []
+
+
+def test_a_header_of_1_1_is_52_bytes_and_carries_the_window() -> None:
+    raw = encode_frame(FRAME._replace(window=3), 52)
+    assert raw[5] == 52
+    assert raw[44:48] == b"\x03\x00\x00\x00"
+    assert len(raw) == 52 + 8 + 4
+    (found,) = FrameParser(4096).feed(raw)
+    assert found.window == 3
+    assert encode_frame(FRAME._replace(window=3), 48) == GOLDEN["frame"]
+
+
+def test_samples_of_any_type_are_sent_as_the_format_says() -> None:
+    assert encode_frame(FRAME._replace(samples=SAMPLES.astype(np.uint32))) == GOLDEN["frame"]
+    one_byte = FRAME._replace(format=int(sbp.Format.U8), samples=np.array([1, 255], np.uint8))
+    (found,) = FrameParser(2).feed(encode_frame(one_byte))
+    assert found.samples.tolist() == [1, 255]
+    assert found.samples.dtype == np.uint8
+
+
+def test_what_is_lost_is_counted_byte_by_byte() -> None:
+    good = _frames(3, 48)
+    parser = FrameParser(4096)
+    bad_header, bad_payload = bytearray(good[0]), bytearray(good[1])
+    bad_header[20] ^= 1
+    bad_payload[50] ^= 1
+    assert parser.feed(bytes(bad_header)) == []
+    assert (parser.bad_headers, parser.bad_payloads, parser.damaged) == (1, 0, 1)
+    assert parser.skipped + parser.waiting == len(bad_header)
+    assert parser.feed(bytes(bad_payload) + good[2])[0].sequence == 2
+    assert (parser.bad_headers, parser.bad_payloads, parser.damaged) == (1, 1, 2)
+    assert parser.skipped == len(bad_header) + len(bad_payload)
+    assert parser.waiting == 0
+
+
+def test_what_is_kept_is_only_what_may_begin_a_frame() -> None:
+    good = _frames(1, 48)[0]
+    for rest, kept in (
+        (b"", 0),
+        (b"x", 0),
+        (b"S", 1),
+        (b"xSL", 2),
+        (b"SLR", 3),
+        (b"SLRx", 0),
+        (good[:5], 5),
+        (good[:30], 30),
+    ):
+        parser = FrameParser(4096)
+        assert len(parser.feed(good + rest)) == 1
+        assert (parser.waiting, parser.skipped) == (kept, len(rest) - kept)
+        parser.clear()
+        assert (parser.waiting, parser.skipped) == (0, len(rest))
+        assert len(parser.feed(good)) == 1
+
+
+@pytest.mark.parametrize(("at", "value"), [(4, 2), (5, 47), (6, 2)])
+def test_another_version_a_short_header_and_an_unknown_format_are_no_frames(at: int, value: int) -> None:
+    header = bytearray(GOLDEN["frame"][:44])
+    header[at] = value
+    stream = sbp.seal(bytes(header)) + GOLDEN["frame"][48:]
+    parser = FrameParser(4096)
+    assert parser.feed(stream + GOLDEN["frame"])[0].samples.tolist() == [256, 260, 300, 512]
+    assert parser.bad_headers == 1
+
+
+@pytest.mark.parametrize(("payload_max", "frames"), [(7, 0), (8, 1)])
+def test_the_largest_payload_is_allowed(payload_max: int, frames: int) -> None:
+    assert len(FrameParser(payload_max).feed(GOLDEN["frame"])) == frames

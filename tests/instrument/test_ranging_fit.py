@@ -26,13 +26,13 @@ SETTINGS = RangingSettings()
 class OnePulse:
     """Pieces of trace with a pulse of known delay and amplitude, and the table that knows its shape."""
 
-    def __init__(self, receiver: Receiver) -> None:
-        self.receiver = receiver
+    def __init__(self, receiver: Receiver, noise: ShotNoise = NOISE) -> None:
+        self.receiver, self.noise = receiver, noise
         spacing = 0.5
         time = np.arange(-600.0, 1500.0, spacing)
         levels = np.array([4.0, 20.0, 90.0])
         family = PulseFamily(float(time[0]), spacing, levels, np.tile(self.shape(time), (3, 1)))
-        self.table = ShapeTable(family, NOISE, STEP_PS, SETTINGS)
+        self.table = ShapeTable(family, noise, STEP_PS, SETTINGS)
 
     def shape(self, time_ps: np.ndarray) -> np.ndarray:
         return self.receiver.pulse(time_ps + self.receiver.half_ps(45.0), 45.0) / 45.0
@@ -43,8 +43,8 @@ class OnePulse:
     def variance(self, amplitude_mv: float) -> np.ndarray:
         signal = np.maximum(self.signal(DELAY_PS, amplitude_mv), 0.0)
         slope = self.signal(DELAY_PS - 0.5, amplitude_mv) - self.signal(DELAY_PS + 0.5, amplitude_mv)
-        own = NOISE.floor_mv**2 + NOISE.signal_mv * signal + (NOISE.signal_share * signal) ** 2
-        return own + (NOISE.jitter_ps * slope) ** 2
+        own = self.noise.floor_mv**2 + self.noise.signal_mv * signal + (self.noise.signal_share * signal) ** 2
+        return own + (self.noise.jitter_ps * slope) ** 2
 
     def noisy(self, amplitude_mv: float, records: int, seed: int, sweeps: int = 1) -> np.ndarray:
         scatter = np.sqrt(self.variance(amplitude_mv) / sweeps)
@@ -138,8 +138,20 @@ def test_a_few_misfired_samples_are_left_out(pulse: OnePulse, count: int) -> Non
     assert found.misfit_sigmas.max() < 6 < struck.misfit_sigmas.min()
 
 
+@pytest.mark.parametrize("floor_mv", [0.03, 8.0])
+def test_what_is_far_off_is_counted_in_standard_deviations(receiver: Receiver, floor_mv: float) -> None:
+    pulse = OnePulse(receiver, ShotNoise(floor_mv=floor_mv))
+    good = pulse.noisy(45.0, 60, seed=15)
+    bad = good.copy()
+    bad[:, 36] -= 15 * floor_mv
+    moved = (pulse.fit(bad).delay_ps - pulse.fit(good).delay_ps) / np.sqrt(pulse.covariance(45.0)[0, 0])
+    assert np.abs(moved).mean() < 0.4
+    assert pulse.fit(good).misfit_sigmas.max() < 5
+    assert pulse.fit(bad).misfit_sigmas.max() < 6
+
+
 def test_many_samples_off_are_another_shape_and_stay(pulse: OnePulse) -> None:
-    bad = pulse.noisy(45.0, 50, seed=9)
+    bad = pulse.noisy(45.0, 600, seed=9)
     bad[:, 30:46:2] += 15 * np.sqrt(pulse.variance(45.0))[30:46:2]  # 8 of 160, more than 2 %
     assert pulse.fit(bad).misfit_sigmas.min() > 6
 

@@ -5,7 +5,7 @@ A whole line runs without the host (advance input), so its windows are chosen be
 * the reference window always lies where the reference was seen last;
 * the echo is expected where the line before saw it in the same column, continued by the step from the line before that;
   the margin grows with the differences to the neighbours;
-* places of the first line, places without a neighbour that had an echo, and places taken again get a wide window over
+* points of the first line, points without a neighbour that had an echo, and points taken again get a wide window over
   the whole working range. With a step of a tenth of the rise time and more, that costs little more than a narrow one.
 
 Step, samples and sweeps are the cheapest ones that promise the wanted uncertainty at the response seen.
@@ -43,7 +43,7 @@ class WindowPlanner:
     calibration : Calibration
         With templates, noise, and ``reference_ps``.
     columns : int
-        Places in a line.
+        Points in a line.
     settings : PlanSettings
 
     Raises
@@ -65,7 +65,7 @@ class WindowPlanner:
         self._choose = lru_cache(maxsize=256)(self._cheapest)
 
     def line(self) -> list[Place]:
-        """Return the windows of all places of the next line."""
+        """Return the windows of all points of the next line."""
         expected, margin = self._expectation()
         response = _filled(self._response_mv, self.settings.first_response_mv)
         return [
@@ -74,13 +74,13 @@ class WindowPlanner:
         ]
 
     def wide(self, columns: Sequence[int] | NDArray[np.integer]) -> list[Place]:
-        """Return wide windows for some places, to take them again; the reference, too, is looked for anew."""
+        """Return wide windows for some points, to take them again; the reference, too, is searched anew."""
         response = _filled(self._response_mv, self.settings.first_response_mv)
         reference = self._calibrated_reference()
         return [self._place(np.nan, np.nan, float(response[c]), reference) for c in columns]
 
     def look(self, echo_ps: float, response_mv: float) -> Place:
-        """Return the windows for a look at a place that was seen before, with about half of the usual uncertainty and
+        """Return the windows to monitor a point that was measured before, with about half of the usual uncertainty and
         a reference of its own."""
         reference_ps, reference_margin_ps = self._reference
         settings = self.settings
@@ -97,7 +97,7 @@ class WindowPlanner:
     def lost(self, places: Sequence[Place], ranges: Ranges) -> NDArray[np.intp]:
         """Return the columns to be taken again with a wide window.
 
-        These are places whose narrow window showed no echo, no reference or a poor fit, and those whose response has
+        These are points whose narrow window showed no echo, no reference or a poor fit, and those whose response has
         dropped against the line and against the line before: there the spot may lie on a rim, with most of its light
         on another surface.
         """
@@ -116,7 +116,7 @@ class WindowPlanner:
         Raises
         ------
         BadInput
-            When it has another number of places.
+            When it has another number of points.
         """
         if len(ranges.echo_ps) != self.columns:
             raise BadInput(f"a line of {len(ranges.echo_ps)} places for a raster of {self.columns} columns")
@@ -149,7 +149,7 @@ class WindowPlanner:
     def _calibrated_reference(self) -> tuple[float, float]:
         """Return where the calibration has the reference, and by how much that may be wrong."""
         if self.calibration.reference_ps is None:
-            raise BadInput("windows need a calibration with reference_ps, the place of the reference on the trace")
+            raise BadInput("windows need a calibration with reference_ps, where the reference is on the trace")
         earliest, latest = self.calibration.reference_ps
         return (earliest + latest) / 2, (latest - earliest) / 2 + self.settings.reference_margin_ps
 
@@ -160,7 +160,7 @@ class WindowPlanner:
         padded = np.pad(last, 1, constant_values=np.nan)
         around = np.stack([np.abs(padded[:-2] - last), np.abs(padded[2:] - last), np.abs(step)])
         spread = np.max(np.where(np.isfinite(around), around, 0.0), axis=0)
-        # A place whose own column had no echo is expected between its neighbours, if these agree.
+        # A point whose own column had no echo is expected between its neighbours, if these agree.
         between = (padded[:-2] + padded[2:]) / 2
         apart = np.abs(padded[:-2] - padded[2:])
         expected = np.where(np.isfinite(last), last + step, between)
