@@ -1,8 +1,7 @@
 """SRS DG645 digital delay generator: PRF, trigger on and off, delays (protocol sheet ``dg645``).
 
-The properties follow the command table. Every setting is followed by ``LERR?``, so that a refusal is reported where it
-happens. The instrument has no watchdog: the interlock chain and the gate of the sampling bridge protect against a host
-that is lost.
+Every setting is followed by ``LERR?``, so that a refusal is reported where it happens. The instrument has no watchdog:
+the interlock chain and the gate of the sampling bridge protect against a host that is lost.
 """
 
 from __future__ import annotations

@@ -11,13 +11,13 @@ from picoradar.drivers.errors import DeviceFault, LimitError, ProtocolError, Tim
 from picoradar.drivers.genesys import Fault, Genesys, Status, parse_rating
 from picoradar.drivers.genesys.wire import (
     Filter,
-    Look,
     Remote,
+    SupplyState,
     checksum,
     decode,
     encode,
     format_number,
-    parse_look,
+    parse_state,
     unsolicited_from,
 )
 from picoradar.sim.firmware.genesys import GenesysFirmware
@@ -72,7 +72,7 @@ def test_worked_exchange_of_the_sheet_by_the_driver(scripted):
     supply.voltage_v = 290
     assert supply.voltage_v == 290
     assert supply.measured_v == 0
-    assert supply.look() == Look(0.0, 290.0, 0.0, 0.1, Status.NO_FAULT, Fault(0))
+    assert supply.state() == SupplyState(0.0, 290.0, 0.0, 0.1, Status.NO_FAULT, Fault(0))
     with pytest.raises(DeviceFault, match="voltage above the range") as refused:
         supply.voltage_v = 340
     assert refused.value.code == "E01"
@@ -93,7 +93,7 @@ def test_worked_exchange_of_the_sheet_by_the_driver(scripted):
 
 def test_state_as_the_manual_prints_it(scripted):
     [(sent, reply)] = GOLDEN["example_of_the_manual"]
-    assert Genesys(scripted([(sent.encode(), reply.encode())])).look() == Look(
+    assert Genesys(scripted([(sent.encode(), reply.encode())])).state() == SupplyState(
         45.201, 45.0, 4.3257, 10.0, Status.AUTO_START | Status.FOLDBACK_ENABLED, Fault(0)
     )
 
@@ -425,11 +425,11 @@ def test_a_damaged_reply_is_refused(line, with_checksum):
 
 
 def test_registers_in_a_state_reply_are_hexadecimal():
-    state = parse_look("MV(000.00),PV(290),MC(0.0000),PC(0.1),SR(8C),FR(A0)")
+    state = parse_state("MV(000.00),PV(290),MC(0.0000),PC(0.1),SR(8C),FR(A0)")
     assert state.status == Status.LOCAL | Status.FAULT | Status.NO_FAULT
     assert state.fault == Fault.INTERLOCK | Fault.SHUT_OFF
     with pytest.raises(ValueError, match="no reply to STT"):
-        parse_look("MV(000.00),PV(290),MC(0.0000),PC(0.1),SR(8C)")
+        parse_state("MV(000.00),PV(290),MC(0.0000),PC(0.1),SR(8C)")
 
 
 @pytest.mark.parametrize(("text", "address"), [("!06", 6), ("!30", 30), ("!6", None), ("06", None), ("!06 ", None)])
@@ -446,5 +446,5 @@ def test_numbers_are_written_in_at_most_twelve_characters(value, text):
 
 
 def test_a_name_without_a_rating_is_refused():
-    with pytest.raises(ValueError, match="does not tell a rating"):
+    with pytest.raises(ValueError, match="contains no rating"):
         parse_rating("LAMBDA,Z+")

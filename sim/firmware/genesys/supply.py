@@ -8,13 +8,14 @@ while mains, temperature, rear shut-off or interlock forbid it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import TypedDict, Unpack
+from dataclasses import replace
+from typing import Unpack
 
 from picoradar.drivers.clock import Clock, Timer
 from picoradar.drivers.genesys import Fault, Status
 from picoradar.sim.firmware.genesys.output import LOAD_OHM, Output
 from picoradar.sim.firmware.genesys.registers import Registers
+from picoradar.sim.firmware.genesys.settings import Changes, Settings
 from picoradar.sim.wires import InterlockChain
 
 GAIN_ERROR = 3.5e-5  # of the voltage read-back
@@ -27,52 +28,6 @@ FILTERS_HZ = (18, 23, 46)
 
 class Refused(Exception):
     """A message is answered with an error code of the sheet."""
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What ``SAV`` keeps; set points and limits as they were sent, for ``PV?`` returns the text.
-
-    Before any text was sent they have the form of the front panel: 5 digits, 4 for the limits (*unverified*).
-    """
-
-    overvoltage_text: str
-    voltage_text: str = "000.00"
-    current_text: str = "0.0000"
-    undervoltage_text: str = "000.0"
-    foldback: bool = False
-    auto_start: bool = False
-
-    @property
-    def voltage_v(self) -> float:
-        """Get the voltage set point."""
-        return float(self.voltage_text)
-
-    @property
-    def current_a(self) -> float:
-        """Get the current limit."""
-        return float(self.current_text)
-
-    @property
-    def overvoltage_v(self) -> float:
-        """Get the over-voltage trip."""
-        return float(self.overvoltage_text)
-
-    @property
-    def undervoltage_v(self) -> float:
-        """Get the lower limit of the set point."""
-        return float(self.undervoltage_text)
-
-
-class Changes(TypedDict, total=False):
-    """Settings that change, under the names of `Settings`."""
-
-    overvoltage_v: float
-    voltage_text: str
-    current_text: str
-    undervoltage_v: float
-    foldback: bool
-    auto_start: bool
 
 
 class GenesysSupply:

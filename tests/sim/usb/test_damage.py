@@ -43,7 +43,7 @@ class Damage:
         match kind:
             case "lost":
                 return []
-            case "flipped":
+            case "flipped" if data:
                 return [InTransfer(data[:at] + bytes([data[at] ^ (1 << where % 8)]) + data[at + 1 :])]
             case "doubled":
                 return [InTransfer(data), InTransfer(data)]
