@@ -12,18 +12,14 @@ from picoradar.sim.faults import KINDS
 
 HEAD = """# Fault campaign
 
-Written by `python -m benchmarks.faults.campaign`. Every kind of fault is injected into a running bench in each state
-of the
-controller, with three seeds; link and duration (2 s, 20 s, once or permanent) vary from run to run. Each run
-continues to its
-end: connect, warm up, a scan of 4 x 4 points, with whatever recovery or safe shutdown the controller chooses.
+Written by `python -m benchmarks.faults.campaign`. Every kind of fault is injected into a running bench in each state of
+the controller, with three seeds; link and duration (2 s, 20 s, once or permanent) vary from run to run. Each run
+continues to its end: connect, warm up, a scan of 4 x 4 points, with the recovery or safe shutdown that the
+controller chooses.
 
-* **dark after fault**: longest time from the first effect of the fault to the end of the light, as measured by the
-  bench itself.
-* **dark after seen**: longest time from the moment at which a driver's call reported the fault to the end of the
-  light.
-* **lost**: acknowledged lines that cannot be read. **wrong**: points marked good, but more than 2 mm and 6 of their
-  own
+* **dark after fault**: longest time from the first effect of the fault to the end of the light, measured by the bench.
+* **dark after seen**: longest time from the moment at which a driver's call reported the fault to the end of the light.
+* **lost**: acknowledged lines that cannot be read. **wrong**: points marked good, but more than 2 mm and 6 of their own
   standard deviations from the truth.
 * **unsafe**: runs that ended with light, or with the laser not verified off.
 * **hung**: runs without an end, or with an unexpected kind of error.
