@@ -114,11 +114,11 @@ def _serial(
     name: str,
     url: str,
     baud: int,
-    maker: Callable[[], _Device],
+    open_driver: Callable[[], _Device],
     check: Callable[[_Device], Iterator[str]],
 ) -> Finding:
     """Examine a device on a serial port; when it does not answer, find out what does."""
-    finding, error = _examined(name, url, maker, check)
+    finding, error = _examined(name, url, open_driver, check)
     if not isinstance(error, (Timeout, ProtocolError)):
         return finding
     answer = identify_port(url, make.clock, expected=name, baud=baud, genesys_address=make.links.genesys_address)
@@ -134,14 +134,14 @@ def _serial(
 
 
 def _examined(
-    name: str, link: str, maker: Callable[[], _Device], check: Callable[[_Device], Iterator[str]]
+    name: str, link: str, open_driver: Callable[[], _Device], check: Callable[[_Device], Iterator[str]]
 ) -> tuple[Finding, DeviceError | None]:
     """Examine one device, and return what stopped the examination."""
     identity = ""
     problems: list[str] = []
     failure: DeviceError | None = None
     try:
-        with _opened(maker()) as device:
+        with _opened(open_driver()) as device:
             identity = str(device.identify())
             problems += check(device)
     except BadInput as error:

@@ -1,6 +1,6 @@
 """From settings to a bench: the driver of each device, with its link.
 
-Another maker's device is one new folder in ``drivers`` and one method here.
+A device of another manufacturer is one new folder in ``drivers`` and one method here.
 """
 
 from __future__ import annotations

@@ -121,7 +121,7 @@ class MirrorPair:
         angles_deg *= self._settings.repeatability_deg
         angles_deg += (x * self._gain_deg[0] + self._offset_deg[0], y * self._gain_deg[1] + self._offset_deg[1])
         if self._settings.linearity_percent > 0:
-            # A smooth curve over the full field, within the maker's limit: sum of Chebyshev polynomials.
+            # A smooth curve over the full field, within the manufacturer's limit: sum of Chebyshev polynomials.
             places = angles_deg / (FULL_FIELD_DEG / 2)
             angles_deg += np.polynomial.chebyshev.chebval(places, self._linearity_deg, tensor=False)
         return np.asarray(np.radians(angles_deg))

@@ -90,7 +90,7 @@ def test_wrong_length_is_no_frame(data: bytes) -> None:
 
 
 @pytest.mark.parametrize(
-    ("xy", "marked", "rate_hz", "told"),
+    ("xy", "marked", "rate_hz", "message"),
     [
         ([[0, 4096]], [False], 1000, "codes 0 to 4096 are not all within 0 to 4095"),
         ([[-1, 0]], [False], 1000, "codes -1 to 0"),
@@ -100,8 +100,8 @@ def test_wrong_length_is_no_frame(data: bytes) -> None:
         ([0, 0], [False], 1000, "xy is"),
     ],
 )
-def test_path_out_of_range_is_refused(xy: list[list[int]], marked: list[bool], rate_hz: int, told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_path_out_of_range_is_refused(xy: list[list[int]], marked: list[bool], rate_hz: int, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         wire.path_frame(xy, marked, rate_hz)
 
 

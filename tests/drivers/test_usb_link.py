@@ -122,7 +122,7 @@ def test_closed_link_says_so(clock: VirtualClock) -> None:
 
 
 @pytest.mark.parametrize(
-    ("number", "kind", "told"),
+    ("number", "kind", "message"),
     [
         (errno.EACCES, LinkLost, "may not open it: install the udev rule"),
         (errno.EBUSY, LinkLost, "in use by another program"),
@@ -135,7 +135,7 @@ def test_closed_link_says_so(clock: VirtualClock) -> None:
 )
 @pytest.mark.parametrize("call", ["claim_interface", "bulk_write", "bulk_read", "ctrl_transfer", "clear_halt"])
 def test_every_error_of_the_bus_is_one_of_ours(
-    clock: VirtualClock, call: str, number: int, kind: type[Exception], told: str
+    clock: VirtualClock, call: str, number: int, kind: type[Exception], message: str
 ) -> None:
     link = _link(Failing(clock, call, number), clock)
 
@@ -146,9 +146,9 @@ def test_every_error_of_the_bus_is_one_of_ours(
         link.clear_halt(0x81)
         link.read(0x81, 64, timeout_s=0.1)
 
-    with pytest.raises(kind, match=told):
+    with pytest.raises(kind, match=message):
         use()
-    if told == "the device has gone":
+    if message == "the device has gone":
         assert not link.is_open
 
 

@@ -45,7 +45,7 @@ def exchange(name: str) -> list[tuple[bytes, bytes]]:
 
 
 class Talker:
-    """A device that keeps what it hears and says what it is told to."""
+    """A device that keeps what it hears and answers as scripted."""
 
     baud = 9600
 

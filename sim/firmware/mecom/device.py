@@ -117,7 +117,7 @@ class TecFirmware:
             "?VM": lambda rest: self._metadata(*_row(rest)),
             "?VL": lambda rest: _limits(_row(rest)[0]),
             "?VX": self._several,
-            "?IF": lambda _: IDENTITY,  # the maker's client adds a channel
+            "?IF": lambda _: IDENTITY,  # the manufacturer's client adds a channel
             "?LT": _look_up_table,
             "VS": lambda rest: self._set(*_row(rest[:6]), rest[6:]),
             "RS": _without_argument(self.device.reset),

@@ -43,7 +43,7 @@ class Instrument(Protocol):
 
 
 def tmc_descriptors(vendor_id: int, product_id: int, strings: tuple[str, str, str]) -> Device:
-    """Make the descriptors of a USB488 instrument with maker, product and serial number."""
+    """Make the descriptors of a USB488 instrument with manufacturer, product and serial number."""
     endpoints = (Endpoint(EP_OUT, BULK, PACKET), Endpoint(EP_IN, BULK, PACKET), Endpoint(EP_INTERRUPT, INTERRUPT, 2, 4))
     interface = Interface(endpoints, 0, 0, *wire.INTERFACE_CLASS)
     return Device(

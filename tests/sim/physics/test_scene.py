@@ -230,9 +230,9 @@ def look_into_the_socket(scene, step_mm=1.0):
 
 
 def test_surgery_leaves_a_clot_without_echo_and_fat_in_the_fossa():
-    dressed = build_scene(SimulationSettings(surgical=True), Noise(1))
+    decorated = build_scene(SimulationSettings(surgical=True), Noise(1))
     bare = build_scene(SimulationSettings(), Noise(1))
-    seen = look_into_the_socket(dressed, 0.5)
+    seen = look_into_the_socket(decorated, 0.5)
     dark = seen.brightness < 0.05
     assert 1.0 < dark.sum() * 0.25 < 6.0  # mm^2
     nearer = look_into_the_socket(bare, 0.5).distance_mm - seen.distance_mm

@@ -28,9 +28,9 @@ def test_nan_does_not_pass():
 def test_page_and_result(tmp_path, monkeypatch):
     bad = Part([Check("height of <something> (mm)", "1", 3.0, 0.0, 2.0)], {})
     monkeypatch.setattr(run, "PARTS", {"Laser": lambda _seed: laser(), "Bad": lambda _seed: bad})
-    told = []
-    result = run.validate(tmp_path / "new", seed=1, progress=told.append)
-    assert told == ["Laser", "Bad"]
+    reported = []
+    result = run.validate(tmp_path / "new", seed=1, progress=reported.append)
+    assert reported == ["Laser", "Bad"]
     assert not result["passed"]
     assert result["figures"][-1] == {
         "name": "height of <something> (mm)",

@@ -254,8 +254,8 @@ def test_events_tell_a_run(client: Client) -> None:
     client.out(Request.LASER, 1, b"RSAL")
     client.start()
     client.bench.clock.sleep(2 * RECORD_S)
-    told = [(e.kind, e.argument) for e in client.events()]
-    assert told == [
+    reported = [(e.kind, e.argument) for e in client.events()]
+    assert reported == [
         (EventKind.GATE, sbp.Gate.ON),
         (EventKind.STATE, State.WAIT),
         (EventKind.STATE, State.RUNNING),

@@ -1,4 +1,4 @@
-"""Helios DAC: driver and firmware over the simulated bus, and the maker's trace."""
+"""Helios DAC: driver and firmware over the simulated bus, and the manufacturer's trace."""
 
 from __future__ import annotations
 

@@ -111,7 +111,7 @@ def test_clipping_is_flagged(opened: ScopeBench) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         ({"averages": 0}, "averages"),
         ({"samples": 262_145}, "samples"),
@@ -121,8 +121,8 @@ def test_clipping_is_flagged(opened: ScopeBench) -> None:
         ({"start_ps": float("nan")}, "start delay"),
     ],
 )
-def test_setting_out_of_range_is_refused(opened: ScopeBench, change: dict[str, float], told: str) -> None:
-    with pytest.raises(LimitError, match=told):
+def test_setting_out_of_range_is_refused(opened: ScopeBench, change: dict[str, float], message: str) -> None:
+    with pytest.raises(LimitError, match=message):
         opened.scope.configure(SweepSettings(**{**vars(SWEEP), **change}))
     with pytest.raises(DeviceFault, match="call configure first"):
         opened.scope.take(1)

@@ -294,7 +294,7 @@ def test_close_shuts_the_gate_and_an_unplugged_device_shuts_it_itself(ready: Any
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "words"),
     [
         ({"step_ps": 0.5}, "step 0.5 ps is outside 1 to 100 ps"),
         ({"step_ps": 6.75}, "multiple of 0.1 ps"),
@@ -312,9 +312,11 @@ def test_close_shuts_the_gate_and_an_unplugged_device_shuts_it_itself(ready: Any
         ({"step_ps": float("nan")}, "step nan"),
     ],
 )
-def test_setting_out_of_range_is_refused_before_it_is_sent(bench_1_0: Any, change: dict[str, float], told: str) -> None:
+def test_setting_out_of_range_is_refused_before_it_is_sent(
+    bench_1_0: Any, change: dict[str, float], words: str
+) -> None:
     bench_1_0.bridge.open()
-    with pytest.raises(LimitError, match=told):
+    with pytest.raises(LimitError, match=words):
         bench_1_0.bridge.configure(SweepSettings(**{**vars(SWEEP), **change}))
     with pytest.raises(Stall):
         bench_1_0.bridge.link.control_in(Request.GET_CONFIG, 0, 40)
@@ -383,13 +385,13 @@ def test_windows_out_of_range_are_refused(bench: Any) -> None:
         return
     bench.bridge.configure_windows(prf_hz=80_000.0, settle_shots=0)
     good = Window(4_200_000, 6_700, 96, 1)
-    for table, told in (
+    for table, message in (
         ([[good] * 9], "windows in a record 9"),
         ([[good] * 2] * 127, "entries in the window table 254"),
         ([[good], [good, good]], "same number"),
         ([[good], [Window(4_200_000, 500, 96, 1)]], "record 1, window 0: step 0.5 ps"),
     ):
-        with pytest.raises(LimitError, match=told):
+        with pytest.raises(LimitError, match=message):
             bench.bridge.set_windows(table)
     with pytest.raises(Stall):
         bench.bridge.link.control_out(
