@@ -13,6 +13,7 @@ from picoradar.registration.model import Model, load_model, prepare_model
 from picoradar.registration.paired_points import PairedPoints, paired_points
 from picoradar.registration.register import check_targets, register
 from picoradar.registration.search import Cone, Landmarks
+from picoradar.registration.settings import PreparationSettings, RobustSettings
 from picoradar.registration.solution import Rival
 from picoradar.registration.trust import Registration, Target, Tolerance
 
@@ -25,9 +26,11 @@ __all__ = [
     "Model",
     "PairedPoints",
     "PointsError",
+    "PreparationSettings",
     "Registration",
     "RegistrationError",
     "Rival",
+    "RobustSettings",
     "StartError",
     "Target",
     "Tolerance",

@@ -8,17 +8,20 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from picoradar.registration._types import FloatArray
 from picoradar.registration.classic import DissertationSettings, solve_as_dissertation
 from picoradar.registration.errors import RegistrationError, StartError
 from picoradar.registration.model import Model
 from picoradar.registration.refine import excluded_regions
 from picoradar.registration.robust import register_robust, without_dark_points
-from picoradar.registration.scan import checked_scan, weighted_by_response
+from picoradar.registration.scan import Scan, checked_scan, weighted_by_response
 from picoradar.registration.search import Cone, Start, checked_start
-from picoradar.registration.trust import Asked, Registration, Tolerance, named_targets
+from picoradar.registration.settings import RobustSettings
+from picoradar.registration.solution import Solution
+from picoradar.registration.trust import Registration, RegistrationRequest, Tolerance, named_targets
 from picoradar.registration.trust.assess import assess
 
-LEAST_NOISE_MM, MOST_NOISE_MM = 1e-3, 100.0
+MIN_NOISE_MM, MAX_NOISE_MM = 1e-3, 100.0
 """Range noise that can be given."""
 
 
@@ -37,47 +40,36 @@ def register(
     range_bias_mm: float = 0.1,
     exclude: Sequence[Mapping[str, Any]] | None = None,
     tolerance: Tolerance | None = None,
-    settings: DissertationSettings | None = None,
+    settings: RobustSettings | DissertationSettings | None = None,
 ) -> Registration:
-    """Register measured points to a model.
+    """Register measured points (N, 3) mm, scanner frame, N at least 6, to a model.
 
     Parameters
     ----------
-    points : (N, 3) array
-        Scanner frame, mm, N at least 6.
-    model : Model
-        From :func:`registration.prepare_model` or :func:`registration.load_model`.
     start : "any", Cone or dict, (4, 4) array, Landmarks or list of dicts
-        Where to start: anywhere; anywhere that the scanner looks from within a cone of directions
-        ``{"towards": [x, y, z], "half_angle_deg": a}`` (from the model to the scanner, model frame, any roll); from a
-        pose `model_from_scanner`; or from landmark pairs ``{"scanner": [x, y, z], "model": [x, y, z], "name": ...}``.
+        Anywhere; anywhere that the scanner looks from within a cone ``{"towards": [x, y, z], "half_angle_deg": a}``
+        (from the model to the scanner, model frame, any roll); a pose `model_from_scanner`; or landmark pairs
+        ``{"scanner": [x, y, z], "model": [x, y, z], "name": ...}``.
     origin : (3,) array
         Where the beams came from, scanner frame, mm.
-    covariance : (N, 3, 3) array, optional
-        Of the points, mm^2.
+    covariance : (N, 3, 3) array of the points, optional
     response_mv : (N,) array, optional
         Amplitude of each echo at the photodiode. Points darker than bone take no part at the end, and without
         `covariance` weak echoes count for less.
-    grid : (N, 2) array of int, optional
-        Raster row and column of each point.
+    grid : (N, 2) array of int, raster row and column of each point, optional
     method : {"robust", "dissertation"}
-        "dissertation" is the ICP of S 3.3 with outlier elimination and minima suppression; it needs a start.
-    targets : (M, 3) array or list of dicts, optional
-        Points of the model frame where the error matters, mm; dicts hold "position" and "name".
+        "dissertation" is the ICP of its section 3.3, with outlier elimination and minima suppression; it needs a start.
+    targets : (M, 3) array or list of dicts with "position" and "name", optional
+        Points of the model frame where the error matters, mm.
     noise_mm : float, optional
-        Range noise of a point, 0.001 to 100 mm; estimated from the residuals when not given.
+        Range noise of a point, 0.001 to 100 mm; estimated when not given.
     range_bias_mm : float
         Common range error to budget for at the targets.
-    exclude : list of dicts, optional
-        Regions of the model that take no part: ``{"center": [x, y, z], "radius_mm": r}``, model frame.
+    exclude : list of ``{"center": [x, y, z], "radius_mm": r}``, model frame, optional
+        Regions of the model that take no part.
     tolerance : Tolerance, optional
         Limits of the verdict, 1 deg and 1 mm when not given.
-    settings : DissertationSettings, optional
-        Parameters of ``method="dissertation"``.
-
-    Returns
-    -------
-    Registration
+    settings : RobustSettings or DissertationSettings, that of the method, optional
 
     Raises
     ------
@@ -104,28 +96,54 @@ def register(
     np.True_
     """
     scan = checked_scan(points, origin=origin, covariance=covariance, response_mv=response_mv, grid=grid)
-    if noise_mm is not None and not LEAST_NOISE_MM <= noise_mm <= MOST_NOISE_MM:
-        raise RegistrationError(
-            f"noise_mm is {noise_mm}: give a number from {LEAST_NOISE_MM:g} to {MOST_NOISE_MM:g} mm, or leave it out"
-        )
+    check_noise(noise_mm)
     check_targets(targets)
+    robust = settings if isinstance(settings, RobustSettings) else RobustSettings()
     if scan.covariance is None and scan.response_mv is not None:
-        scan = weighted_by_response(scan, noise_mm)
-    regions = excluded_regions(exclude)
-    begin = checked_start(start)
+        scan = weighted_by_response(scan, noise_mm, robust.noise)
+    regions, begin = excluded_regions(exclude), checked_start(start)
     if method == "robust":
-        solution = register_robust(scan, model, begin, noise_mm, regions)
-        solution = without_dark_points(scan, model, solution, regions)
+        if isinstance(settings, DissertationSettings):
+            raise RegistrationError("method 'robust' takes RobustSettings, not those of the dissertation")
+        solution = register_robust(scan, model, begin, noise_mm, regions, robust)
+        solution = without_dark_points(scan, model, solution, regions, robust)
     elif method == "dissertation":
-        if begin is None or isinstance(begin, Cone):
-            raise StartError("method 'dissertation' needs a start: landmarks or a 4x4 pose; method 'robust' does not")
-        if len(regions) > 0:
-            raise RegistrationError("method 'dissertation' knows no excluded regions: cut the points, or take 'robust'")
-        solution = solve_as_dissertation(scan, model, begin, noise_mm, settings)
+        solution = _as_dissertation(scan, model, begin, noise_mm, regions, settings)
     else:
         raise RegistrationError(f"method is {method!r}: give 'robust' or 'dissertation'")
-    asked = Asked(targets=targets, tolerance=tolerance or Tolerance(), range_bias_mm=range_bias_mm)
-    return assess(scan, solution, asked, list(model.report.findings))
+    request = RegistrationRequest(targets, tolerance or Tolerance(), range_bias_mm)
+    return assess(scan, solution, request, list(model.report.findings), robust)
+
+
+def _as_dissertation(
+    scan: Scan,
+    model: Model,
+    start: FloatArray | Cone | None,
+    noise_mm: float | None,
+    regions: FloatArray,
+    settings: RobustSettings | DissertationSettings | None,
+) -> Solution:
+    """The dissertation's method, which knows neither a search nor excluded regions."""
+    if isinstance(settings, RobustSettings):
+        raise RegistrationError("method 'dissertation' takes DissertationSettings, not those of the robust method")
+    if start is None or isinstance(start, Cone):
+        raise StartError("method 'dissertation' needs a start: landmarks or a 4x4 pose; method 'robust' does not")
+    if len(regions) > 0:
+        raise RegistrationError("method 'dissertation' knows no excluded regions: cut the points, or take 'robust'")
+    return solve_as_dissertation(scan, model, start, noise_mm, settings)
+
+
+def check_noise(noise_mm: float | None) -> None:
+    """Refuse a range noise that no instrument has.
+
+    Raises
+    ------
+    RegistrationError
+    """
+    if noise_mm is not None and not MIN_NOISE_MM <= noise_mm <= MAX_NOISE_MM:
+        raise RegistrationError(
+            f"noise_mm is {noise_mm}: give a number from {MIN_NOISE_MM:g} to {MAX_NOISE_MM:g} mm, or leave it out"
+        )
 
 
 def check_targets(targets: npt.ArrayLike | Sequence[dict[str, Any]] | None) -> None:

@@ -77,6 +77,18 @@ def small_motion(x: FloatArray, centre: FloatArray) -> FloatArray:
     return pose(rotation, centre + x[3:] - rotation @ centre)
 
 
+def displacement_jacobian(arm: FloatArray) -> FloatArray:
+    """``J = [-[r]x I]`` (..., 3, 6): displacement by a small motion of points at `arm` (..., 3) from its centre."""
+    identity = np.broadcast_to(np.eye(3), (*arm.shape, 3))
+    return np.concatenate([-skew(arm), identity], axis=-1)
+
+
+def displacement_covariance(covariance: FloatArray, arm: FloatArray) -> FloatArray:
+    """``J Cov J^T`` (..., 3, 3) mm^2 at `arm` (..., 3) mm from the centre of a small motion's `covariance` (6, 6)."""
+    jacobian = displacement_jacobian(arm)
+    return np.asarray(jacobian @ covariance @ jacobian.swapaxes(-1, -2), dtype=np.float64)
+
+
 def orthonormalised(fixed_from_moving: FloatArray) -> FloatArray:
     """Return the pose with its rotation block projected back onto SO(3); rounding adds up over many products."""
     u, _, vt = np.linalg.svd(fixed_from_moving[:3, :3])

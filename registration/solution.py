@@ -30,8 +30,8 @@ class Rival:
 
 
 @dataclass(frozen=True)
-class End:
-    """Where a walk came to rest: pose (4, 4), and its weight beside the likeliest one's, which is 1."""
+class Alternative:
+    """Where a walk along a weak mode came to rest: pose (4, 4), and its weight beside the best one's, which is 1."""
 
     model_from_scanner: FloatArray
     weight: float
@@ -39,7 +39,29 @@ class End:
 
 @dataclass(frozen=True)
 class Solution:
-    """What a method hands over for assessment."""
+    """What a method hands over for assessment.
+
+    Attributes
+    ----------
+    model_from_scanner : (4, 4) array
+    closest : Closest
+        Where the points lie on the model, with their residuals (N,).
+    inliers : (N,) array of bool
+        Points taken for bone.
+    history : list of Iteration
+    rivals : list of Rival
+        Other minima, the likeliest first.
+    noise : NoiseModel
+    around : (N, 8) array
+        Raster neighbours.
+    cost : float
+        Mean a point.
+    method : str
+    confident : bool
+        The search reached this minimum often or clearly enough to trust that it missed no better one.
+    alternatives : list of Alternative
+        Ends of the walk along the weak mode.
+    """
 
     model_from_scanner: FloatArray
     closest: Closest
@@ -50,5 +72,5 @@ class Solution:
     around: Neighbours
     cost: float
     method: str
-    sure: bool = True
-    beside: list[End] = field(default_factory=list)
+    confident: bool = True
+    alternatives: list[Alternative] = field(default_factory=list)

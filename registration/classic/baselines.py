@@ -8,16 +8,22 @@ Pelizzari et al., J. Comput. Assist. Tomogr. 13:20 (1989): head and hat.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 
 from picoradar.registration._types import FloatArray
 from picoradar.registration.classic.losses import Loss
-from picoradar.registration.least_squares import plane_rows
-from picoradar.registration.model import DistanceField, Surface
+from picoradar.registration.least_squares import Damping, minimised, plane_rows
+from picoradar.registration.model import Closest, DistanceField, Surface
 from picoradar.registration.se3 import small_motion, transform
 
-FIRST_DAMPING, LEAST_DAMPING = 1e-3, 1e-9
-"""Of the Levenberg-Marquardt steps, relative to the diagonal of the normal matrix."""
+DAMPING = Damping(first=1e-3, smallest=1e-9, ridge=1e-9)
+"""Of the Levenberg-Marquardt steps."""
+
+SETTLED_RAD, SETTLED_MM = 1e-7, 1e-6
+"""A smaller step is the last one."""
 
 HAT_REACH_RAD, HAT_REACH_MM = float(np.radians(20.0)), 20.0
 """How far Powell's line searches may go from the start; without bounds their first brackets leave the head."""
@@ -46,27 +52,44 @@ def plane_icp(
     (4, 4) array
         `model_from_scanner`.
     """
-    solution, damping = start, FIRST_DAMPING
-    moved = transform(solution, points)
-    closest = surface.closest(moved)
-    for _ in range(max_iterations):
-        centre = np.asarray(moved.mean(axis=0), dtype=np.float64)
-        weights = loss.weights(closest.signed_mm)
-        rows = plane_rows(moved, closest.normals, centre)
-        normal = (rows * weights[:, None]).T @ rows
-        damped = normal + np.diag(damping * np.diag(normal) + 1e-9)
-        x = np.asarray(-np.linalg.solve(damped, rows.T @ (weights * closest.signed_mm)), dtype=np.float64)
-        ahead = small_motion(x, centre) @ solution
-        moved_ahead = transform(ahead, points)
-        closest_ahead = surface.closest(moved_ahead)
-        if weights @ closest_ahead.signed_mm**2 <= weights @ closest.signed_mm**2:
-            solution, moved, closest = ahead, moved_ahead, closest_ahead
-            damping = max(damping / 10.0, LEAST_DAMPING)
-        else:
-            damping *= 10.0
-        if np.linalg.norm(x[:3]) < 1e-7 and np.linalg.norm(x[3:]) < 1e-6:
-            break
-    return solution
+
+    def factor_at(solution: FloatArray) -> _PlaneFactor:
+        moved = transform(solution, points)
+        return _PlaneFactor(solution, moved, surface.closest(moved), loss)
+
+    def settled(x: FloatArray) -> bool:
+        return bool(np.linalg.norm(x[:3]) < SETTLED_RAD and np.linalg.norm(x[3:]) < SETTLED_MM)
+
+    def kept(here: _PlaneFactor, ahead: _PlaneFactor) -> bool:
+        residuals, residuals_ahead = here.closest.signed_mm, ahead.closest.signed_mm
+        return bool(here.weights @ residuals_ahead**2 <= here.weights @ residuals**2)
+
+    return minimised(factor_at, start, settled=settled, max_steps=max_iterations, damping=DAMPING, kept=kept)
+
+
+@dataclass(frozen=True)
+class _PlaneFactor:
+    """Weighted squared distances to the planes of the closest points, about one pose."""
+
+    pose: FloatArray
+    moved: FloatArray
+    closest: Closest
+    loss: Loss
+
+    @cached_property
+    def centre(self) -> FloatArray:
+        """Mean (3,) of the points."""
+        return np.asarray(self.moved.mean(axis=0), dtype=np.float64)
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        """Weights (N,) of the squared residuals."""
+        return self.loss.weights(self.closest.signed_mm)
+
+    def normal_equations(self) -> tuple[FloatArray, FloatArray]:
+        """H (6, 6) and g (6,)."""
+        rows = plane_rows(self.moved, self.closest.normals, self.centre)
+        return (rows * self.weights[:, None]).T @ rows, rows.T @ (self.weights * self.closest.signed_mm)
 
 
 def lm_icp(points: FloatArray, field: DistanceField, start: FloatArray, *, huber_mm: float = 1.0) -> FloatArray:

@@ -1,4 +1,4 @@
-"""The registration method of the dissertation (S 3.3.3): ICP, minima suppression and outlier elimination."""
+"""The registration method of the dissertation (section 3.3.3): ICP, minima suppression and outlier elimination."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from picoradar.registration._types import BoolArray, FloatArray
 from picoradar.registration.classic.icp import IcpResult, icp
 from picoradar.registration.measures import Iteration
 from picoradar.registration.model import Model, Surface, visible_shell
-from picoradar.registration.scan import TYPICAL_RANGE_MM, NoiseModel, Scan, estimated_range_noise
+from picoradar.registration.scan import NoiseModel, Scan, estimated_range_noise
 from picoradar.registration.se3 import pose, rotation_from_vector, transform
+from picoradar.registration.settings import NoiseSettings
 from picoradar.registration.solution import Solution
 
 
@@ -62,7 +63,7 @@ class DissertationResult:
 def register_dissertation(
     points: FloatArray, surface: Surface, start: FloatArray, settings: DissertationSettings | None = None
 ) -> DissertationResult:
-    """Register by ICP with minima suppression, then eliminate outliers (dissertation S 3.3.3).
+    """Register by ICP with minima suppression, then eliminate outliers (dissertation, section 3.3.3).
 
     I. Run ICP to convergence (with minima suppression). II. Where residuals exceed the threshold, remove a fraction of
     these points. III. Repeat until none exceeds it.
@@ -127,14 +128,15 @@ def solve_as_dissertation(
         surface = visible_shell(surface, towards)
     result = register_dissertation(scan.points, surface, start, settings)
     closest = surface.closest(transform(result.model_from_scanner, scan.points))
-    noise = noise_mm or estimated_range_noise(closest.signed_mm[result.used], TYPICAL_RANGE_MM)
+    typical = NoiseSettings()
+    noise = noise_mm or estimated_range_noise(closest.signed_mm[result.used], typical.typical_range_mm, typical)
     return Solution(
         model_from_scanner=result.model_from_scanner,
         closest=closest,
         inliers=result.used,
         history=result.history,
         rivals=[],
-        noise=NoiseModel(noise),
+        noise=NoiseModel.of(noise, typical),
         around=scan.around,
         cost=float(np.mean(closest.signed_mm**2)),
         method="dissertation",
@@ -144,7 +146,7 @@ def solve_as_dissertation(
 def suppress_minima(
     points: FloatArray, surface: Surface, start: FloatArray, settings: DissertationSettings
 ) -> IcpResult:
-    """Repeat ICP from random perturbations of the best pose and keep the best (dissertation S 3.3.3).
+    """Repeat ICP from random perturbations of the best pose and keep the best (dissertation, section 3.3.3).
 
     The text ends "until there is no additional improvement", the tables give a "maximum number of iterations within
     minima suppression": one run without improvement proves little, so the full number is always run.

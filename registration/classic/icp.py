@@ -1,8 +1,8 @@
-"""Iterative closest points after Besl and McKay, as S 3.3.1 of the dissertation uses it.
+"""Iterative closest points after Besl and McKay, as section 3.3.1 of the dissertation uses it.
 
 References
 ----------
-Besl, McKay, PAMI 14:239 (1992). Dissertation S 3.3.1 and S 3.3.2.
+Besl, McKay, PAMI 14:239 (1992). Dissertation, sections 3.3.1 and 3.3.2.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def icp(
     """
     solution, previous, converged = start, np.inf, False
     centre = np.asarray(points.mean(axis=0), dtype=np.float64)
-    watch = Accelerator(centre, float(np.sqrt(((points - centre) ** 2).sum(axis=1).mean())))
+    monitor = Accelerator(centre, float(np.sqrt(((points - centre) ** 2).sum(axis=1).mean())))
     history: list[Iteration] = []
     closest = surface.closest(transform(solution, points))
     for _ in range(max_iterations):
@@ -73,12 +73,12 @@ def icp(
         solution = horn(closest.points, points)
         closest = surface.closest(transform(solution, points))
         if accelerated:
-            watch.add(solution, float(np.mean(closest.signed_mm**2)))
-            jump = watch.proposal()
+            monitor.add(solution, float(np.mean(closest.signed_mm**2)))
+            jump = monitor.proposal()
             if jump is not None:
                 ahead = surface.closest(transform(jump, points))
-                if np.mean(ahead.signed_mm**2) < watch.errors[-1]:
+                if np.mean(ahead.signed_mm**2) < monitor.errors[-1]:
                     solution, closest = jump, ahead
-                    watch.add(solution, float(np.mean(ahead.signed_mm**2)))
-                watch.forget()
+                    monitor.add(solution, float(np.mean(ahead.signed_mm**2)))
+                monitor.forget()
     return IcpResult(solution, np.abs(closest.signed_mm), converged, history)

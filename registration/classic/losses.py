@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from picoradar.registration._types import FloatArray
+from picoradar.registration.scan import SIGMA_PER_MAD, mad_scale
 
 UNKNOWNS = 6
 """Of a rigid pose; they shrink the residuals of small samples."""
@@ -28,9 +29,11 @@ class Loss(Protocol):
         ...
 
 
-def mad_scale(residuals_mm: FloatArray) -> float:
-    """Scale by the median absolute deviation from zero, consistent with a Gaussian's sigma."""
-    return max(1.4826 * float(np.median(np.abs(residuals_mm))), 1e-9)
+SMALLEST_SCALE_MM = 1e-9
+"""Residuals of nil still have a scale to be divided by."""
+
+SMALL_SAMPLE = 5.0
+"""Rousseeuw and Leroy's correction of the scale of small samples, 1 + 5 / (N - p)."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ class MEstimator:
 
     def weights(self, residuals_mm: FloatArray) -> FloatArray:
         """Weights (N,) of the squared residuals (N,)."""
-        scaled = np.abs(residuals_mm) / (self.constant * mad_scale(residuals_mm))
+        scaled = np.abs(residuals_mm) / (self.constant * _scale(residuals_mm))
         return np.asarray(self.weight(scaled), dtype=np.float64)
 
 
@@ -69,9 +72,9 @@ class LeastMedian:
     def weights(self, residuals_mm: FloatArray) -> FloatArray:
         """Weights (N,) of the squared residuals (N,), 0 or 1."""
         size = np.abs(residuals_mm)
-        small_sample = 1.0 + 5.0 / max(1, len(size) - UNKNOWNS)
-        scale = 1.4826 * small_sample * float(np.sqrt(np.median(size**2)))
-        return np.asarray(size <= self.limit * max(scale, 1e-9), dtype=np.float64)
+        small_sample = 1.0 + SMALL_SAMPLE / max(1, len(size) - UNKNOWNS)
+        scale = SIGMA_PER_MAD * small_sample * float(np.sqrt(np.median(size**2)))
+        return np.asarray(size <= self.limit * max(scale, SMALLEST_SCALE_MM), dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -115,7 +118,12 @@ class OneSided:
     def weights(self, residuals_mm: FloatArray) -> FloatArray:
         """Weights (N,) of the squared residuals (N,), in [0, 1]."""
         constant = np.where(residuals_mm > 0.0, self.front, self.behind)
-        return np.asarray(np.exp(-((residuals_mm / (constant * mad_scale(residuals_mm))) ** 2)), dtype=np.float64)
+        return np.asarray(np.exp(-((residuals_mm / (constant * _scale(residuals_mm))) ** 2)), dtype=np.float64)
+
+
+def _scale(residuals_mm: FloatArray) -> float:
+    """Scale by the median absolute deviation from zero."""
+    return max(mad_scale(residuals_mm), SMALLEST_SCALE_MM)
 
 
 LOSSES: dict[str, Loss] = {

@@ -5,11 +5,10 @@ from picoradar.registration.model.field import DistanceField, build_fields
 from picoradar.registration.model.files import load_model
 from picoradar.registration.model.prepared import Model, prepare_model
 from picoradar.registration.model.surface import Closest, Surface, part
-from picoradar.registration.model.views import SHELL_CONE_DEG, Place, View
+from picoradar.registration.model.views import Place, View
 from picoradar.registration.model.visibility import visible_centroids, visible_shell
 
 __all__ = [
-    "SHELL_CONE_DEG",
     "Closest",
     "DistanceField",
     "Model",

@@ -5,18 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from picoradar.registration._types import FloatArray
-
-HYPOTHESES = 800
-"""Triples of points tried."""
-
-WIDTH_MM = 0.8
-"""Scale of the consensus."""
-
-APART_MM = 1.5
-"""Centres nearer than this count as one."""
+from picoradar.registration.settings import SphereSettings
 
 
-def sphere_centres(points: FloatArray, towards: FloatArray, radius_mm: float, count: int = 3) -> list[FloatArray]:
+def sphere_centres(
+    points: FloatArray, towards: FloatArray, radius_mm: float, settings: SphereSettings, count: int | None = None
+) -> list[FloatArray]:
     """Centres of spheres of a given radius that many points lie on, best first.
 
     Tissue, rim and fossa do not lie on the sphere, so centres come from triples of points and are judged by a bounded
@@ -29,8 +23,9 @@ def sphere_centres(points: FloatArray, towards: FloatArray, radius_mm: float, co
     towards : (3,) array
         Unit vector to the scanner: the centre lies on that side of the hollow.
     radius_mm : float
-    count : int
-        At most so many centres, apart from each other.
+    settings : SphereSettings
+    count : int, optional
+        At most so many centres, apart from each other; as set when not given.
 
     Returns
     -------
@@ -39,39 +34,40 @@ def sphere_centres(points: FloatArray, towards: FloatArray, radius_mm: float, co
     """
     mean = points.mean(axis=0)
     local = points - mean
-    centres = _through_triples(local, towards, radius_mm)
-    support = soft_count(centres, radius_mm, local[:: max(1, len(local) // 400)], WIDTH_MM)
-    thick = local[:: max(1, len(local) // 700)]
+    centres = _through_triples(local, towards, radius_mm, settings)
+    judged = local[:: max(1, len(local) // settings.judged_points)]
+    support = soft_count(centres, radius_mm, judged, settings.width_mm)
+    thick = local[:: max(1, len(local) // settings.settling_points)]
     found: list[tuple[float, FloatArray]] = []
-    for index in np.argsort(-support, kind="stable")[:40]:
-        if _apart(centres[index], found):
-            value, centre = _settled(thick, centres[index], radius_mm)
-            if _apart(centre, found):
+    for index in np.argsort(-support, kind="stable")[: settings.settled_hypotheses]:
+        if _apart(centres[index], found, settings.apart_mm):
+            value, centre = _settled(thick, centres[index], radius_mm, settings)
+            if _apart(centre, found, settings.apart_mm):
                 found.append((value, centre))
-        if len(found) == count:
+        if len(found) == (count or settings.max_centres):
             break
     found.sort(key=lambda entry: -entry[0])
     return [centre + mean for _, centre in found]
 
 
-def sphere_support(points: FloatArray, centre: FloatArray, radius_mm: float) -> float:
+def sphere_support(points: FloatArray, centre: FloatArray, radius_mm: float, settings: SphereSettings) -> float:
     """Share of the points (N, 3) that lie on a sphere, softly counted."""
     gap = np.linalg.norm(points - centre, axis=1) - radius_mm
-    return float((1.0 / (1.0 + (gap / WIDTH_MM) ** 2)).mean())
+    return float((1.0 / (1.0 + (gap / settings.width_mm) ** 2)).mean())
 
 
-def _apart(centre: FloatArray, found: list[tuple[float, FloatArray]]) -> bool:
-    return all(np.linalg.norm(centre - other) >= APART_MM for _, other in found)
+def _apart(centre: FloatArray, found: list[tuple[float, FloatArray]], apart_mm: float) -> bool:
+    return all(np.linalg.norm(centre - other) >= apart_mm for _, other in found)
 
 
-def _through_triples(points: FloatArray, towards: FloatArray, radius: float) -> FloatArray:
+def _through_triples(points: FloatArray, towards: FloatArray, radius: float, settings: SphereSettings) -> FloatArray:
     """Centres (K, 3) of the spheres of `radius` through random triples, on the scanner's side."""
-    triples = np.random.default_rng(0).integers(0, len(points), (HYPOTHESES, 3))
+    triples = np.random.default_rng(0).integers(0, len(points), (settings.hypotheses, 3))
     a, b, c = (points[triples[:, k]] for k in range(3))
     u, v = b - a, c - a
     normal = np.cross(u, v)
     square = (normal**2).sum(axis=1)
-    wide = square > (0.3 * radius**2) ** 2
+    wide = square > (settings.min_triple_share * radius**2) ** 2
     a, u, v, normal, square = a[wide], u[wide], v[wide], normal[wide], square[wide]
     to_centre = np.cross(normal, u) * (v**2).sum(axis=1)[:, None] + np.cross(v, normal) * (u**2).sum(axis=1)[:, None]
     to_centre /= 2.0 * square[:, None]
@@ -105,12 +101,15 @@ def soft_count(centres: FloatArray, radii_mm: FloatArray | float, points: FloatA
     return np.asarray(np.reciprocal(gap, out=gap).sum(axis=1), dtype=np.float64)
 
 
-def _settled(points: FloatArray, centre: FloatArray, radius: float) -> tuple[float, FloatArray]:
-    gap = np.zeros(len(points))
-    for width in (1.5, 1.0, WIDTH_MM, WIDTH_MM):
+def _settled(
+    points: FloatArray, centre: FloatArray, radius: float, settings: SphereSettings
+) -> tuple[float, FloatArray]:
+    """The share of the points on the sphere before a last reweighted step, and the centre after it."""
+    gap, stiffness = np.zeros(len(points)), settings.ridge * np.eye(3)
+    for width in settings.settling_widths_mm:
         offset = points - centre
         distance = np.linalg.norm(offset, axis=1)
         unit, gap = offset / distance[:, None], distance - radius
         weighted = unit / ((1.0 + (gap / width) ** 2) ** 2)[:, None]
-        centre = centre + np.linalg.solve(weighted.T @ unit + 1e-6 * np.eye(3), weighted.T @ gap)
-    return float((1.0 / (1.0 + (gap / WIDTH_MM) ** 2)).mean()), centre
+        centre = centre + np.linalg.solve(weighted.T @ unit + stiffness, weighted.T @ gap)
+    return float((1.0 / (1.0 + (gap / settings.width_mm) ** 2)).mean()), centre

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -13,6 +14,7 @@ from picoradar.registration.model import cache
 from picoradar.registration.model.mesh import MeshReport, validated
 from picoradar.registration.model.surface import Closest, Surface
 from picoradar.registration.model.views import Place, View, find_views, start_view, view_at
+from picoradar.registration.settings import PreparationSettings
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,7 @@ class Model:
     surface : Surface
         Validated triangles with exact closest points.
     report : MeshReport
-        What validation found and mended.
+        What validation found and repaired.
     views : tuple of View
         Hollow regions that a scan can come from, ready to be searched.
     name : str
@@ -33,6 +35,8 @@ class Model:
         Digest of the mesh as given: views made for starts are kept on disk under it.
     made : dict
         Views made for starts so far.
+    settings : PreparationSettings
+        That it was prepared with.
     """
 
     surface: Surface
@@ -41,6 +45,7 @@ class Model:
     name: str = "model"
     key: str = ""
     made: dict[Place, View] = field(default_factory=dict, repr=False)
+    settings: PreparationSettings = field(default_factory=PreparationSettings, repr=False)
 
     @property
     def vertices(self) -> FloatArray:
@@ -94,7 +99,7 @@ class Model:
             If no part of the model is there.
         """
         if place not in self.made:
-            view = _kept(start_view(self.surface, place), self.key, place.name)
+            view = _kept(start_view(self.surface, place, self.settings.view), self.key, place.name)
             _ = view.fields  # refused here if nothing is there
             self.made[place] = view
         return self.made[place]
@@ -105,7 +110,13 @@ def _kept(view: View, key: str, name: str) -> View:
     return replace(view, make=partial(cache.kept_fields, f"{key}-{name}", view.make)) if key else view
 
 
-def prepare_model(vertices: npt.ArrayLike, faces: npt.ArrayLike, *, name: str = "model") -> Model:
+def prepare_model(
+    vertices: npt.ArrayLike,
+    faces: npt.ArrayLike,
+    *,
+    name: str = "model",
+    settings: PreparationSettings | None = None,
+) -> Model:
     """Validate a mesh and prepare it for registration.
 
     The result is kept on disk by content (see `model.cache`), so that the same mesh is ready at once
@@ -119,6 +130,7 @@ def prepare_model(vertices: npt.ArrayLike, faces: npt.ArrayLike, *, name: str = 
         Counter-clockwise seen from outside.
     name : str
         For messages.
+    settings : PreparationSettings, optional
 
     Raises
     ------
@@ -133,26 +145,35 @@ def prepare_model(vertices: npt.ArrayLike, faces: npt.ArrayLike, *, name: str = 
     >>> model.closed
     True
     """
+    chosen = settings or PreparationSettings()
     given_vertices, given_faces = np.asarray(vertices), np.asarray(faces)
-    key = cache.digest(given_vertices, given_faces)
-    if (kept := kept_model(key, name)) is not None:
+    key = _key(cache.digest(given_vertices, given_faces), chosen)
+    if (kept := kept_model(key, name, chosen)) is not None:
         return kept
     v, f, report = validated(given_vertices, given_faces)
     surface = _surface(v, f, report)
-    likeliest, *others = find_views(surface)
-    cache.store(key, cache.Prepared(v, f, report, tuple(map(_place, (likeliest, *others))), likeliest.fields))
-    return _model(surface, report, likeliest, others, name, key)
+    views = find_views(surface, chosen)
+    cache.store(key, cache.Prepared(v, f, report, tuple(map(_place, views)), views[0].fields))
+    return _model(surface, report, views, name, key, chosen)
 
 
-def kept_model(key: str, name: str) -> Model | None:
-    """Prepared model of a mesh with this digest, from the disk; None when it is not there."""
+def kept_model(key: str, name: str, settings: PreparationSettings | None = None) -> Model | None:
+    """Prepared model of a mesh with this key, from the disk; None when it is not there."""
     prepared = cache.load(key)
     if prepared is None:
         return None
+    chosen = settings or PreparationSettings()
     surface = _surface(prepared.vertices, prepared.faces, prepared.report)
-    likeliest, *others = (view_at(surface, *place) for place in prepared.places)
-    likeliest = replace(likeliest, make=prepared.likeliest)
-    return _model(surface, prepared.report, likeliest, others, name, key)
+    likeliest, *others = (view_at(surface, *place, settings=chosen.view) for place in prepared.places)
+    views = (replace(likeliest, make=prepared.likeliest), *others)
+    return _model(surface, prepared.report, views, name, key, chosen)
+
+
+def _key(digest: str, settings: PreparationSettings) -> str:
+    """Key of a prepared model: the digest of its mesh, and of settings that are not the usual ones."""
+    if settings == PreparationSettings():
+        return digest
+    return f"{digest}-{hashlib.sha256(repr(settings).encode()).hexdigest()[:16]}"
 
 
 def _surface(vertices: FloatArray, faces: IntArray, report: MeshReport) -> Surface:
@@ -160,9 +181,18 @@ def _surface(vertices: FloatArray, faces: IntArray, report: MeshReport) -> Surfa
     return Surface(vertices, faces, None if report.open_edges else np.zeros(faces.shape, dtype=np.bool_))
 
 
-def _model(surface: Surface, report: MeshReport, likeliest: View, others: list[View], name: str, key: str) -> Model:
-    views = (likeliest, *(_kept(view, key, str(index)) for index, view in enumerate(others, start=1)))
-    return Model(surface=surface, report=report, views=views, name=name, key=key)
+def _model(
+    surface: Surface,
+    report: MeshReport,
+    views: tuple[View, ...],
+    name: str,
+    key: str,
+    settings: PreparationSettings,
+) -> Model:
+    """The model; fields of all views but the likeliest are kept on disk when they are first needed."""
+    likeliest, *others = views
+    kept = (likeliest, *(_kept(view, key, str(index)) for index, view in enumerate(others, start=1)))
+    return Model(surface=surface, report=report, views=kept, name=name, key=key, settings=settings)
 
 
 def _place(view: View) -> cache.HollowPlace:

@@ -19,37 +19,9 @@ from picoradar.registration.model.field import DistanceField, build_fields
 from picoradar.registration.model.hollows import Socket, find_sockets
 from picoradar.registration.model.surface import Surface, part
 from picoradar.registration.model.visibility import visible_shell
+from picoradar.registration.settings import PreparationSettings, ViewSettings
 
-REACH_MM = 26.0
-"""How far beyond the socket's sphere the fields reach: the rim and its surroundings are scanned too."""
-
-MARGIN_MM = 10.0
-"""Room about the bone, so that tissue in front of it lies inside the fields."""
-
-WHOLE_STEPS = 90
-"""Nodes along the longest edge of a whole model's field."""
-
-SHELL_CONE_DEG = 30.0
-"""A shell holds what can be seen from directions within this angle of the view's axis."""
-
-
-BESIDE = "the start pose aims beside the model: no part of it is within reach of the points"
-
-SEEN_RADII = 1.2
-"""A socket's scan reaches so many radii from its centre."""
-
-AS_SCANNED = 1500
-"""Points drawn from a model to see it as a scan does."""
-
-RADIUS_FACTORS = np.array([0.92, 0.96, 1.0, 1.04, 1.08])
-"""Radii tried, as shares of that of the socket's fit."""
-
-CELL_MM = 20.0
-"""Starts that look at places nearer than this share a view."""
-
-DIRECTIONS = 120
-"""Directions that starts' views are seen along, some 18 deg apart."""
-
+AIMS_OFF = "the start pose aims beside the model: no part of it is within reach of the points"
 
 Fields = tuple[DistanceField, DistanceField]
 """A fine field and a coarse one."""
@@ -106,59 +78,71 @@ class View:
         return bool(np.isfinite(self.radius_mm))
 
 
-def find_views(surface: Surface) -> tuple[View, ...]:
+def find_views(surface: Surface, settings: PreparationSettings) -> tuple[View, ...]:
     """Find the sockets of a surface, likeliest first; without any, there is one view of the whole model."""
-    return tuple(_socket_view(surface, socket) for socket in find_sockets(surface)) or (_whole_view(surface),)
+    sockets = find_sockets(surface, settings.hollow)
+    whole = _whole_view(surface, settings.view)
+    return tuple(_socket_view(surface, socket, settings) for socket in sockets) or (whole,)
 
 
-def view_at(surface: Surface, centre: FloatArray, radius_mm: float, axis: FloatArray, whole: bool) -> View:
+def view_at(
+    surface: Surface, centre: FloatArray, radius_mm: float, axis: FloatArray, whole: bool, settings: ViewSettings
+) -> View:
     """A view that :func:`find_views` found earlier on the same surface."""
     if whole:
-        return _whole_view(surface)
-    return View(centre, radius_mm, axis, partial(_shell_fields, surface, centre, axis, radius_mm + REACH_MM))
+        return _whole_view(surface, settings)
+    make = partial(_shell_fields, surface, centre, axis, radius_mm + settings.reach_mm, settings)
+    return View(centre, radius_mm, axis, make)
 
 
-def _whole_view(surface: Surface) -> View:
+def _whole_view(surface: Surface, settings: ViewSettings) -> View:
     """The whole model, seen from any side, with a step that suits its size."""
     low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
     centre = (low + high) / 2.0
-    return View(centre, float("inf"), np.array([0.0, 0.0, 1.0]), partial(_whole_fields, surface, centre), whole=True)
+    make = partial(_whole_fields, surface, centre, settings)
+    return View(centre, float("inf"), np.array([0.0, 0.0, 1.0]), make, whole=True)
 
 
-def _whole_fields(surface: Surface, centre: FloatArray) -> Fields:
+def _whole_fields(surface: Surface, centre: FloatArray, settings: ViewSettings) -> Fields:
     moved = Surface(surface.vertices - centre, surface.faces, surface.border)
     low, high = moved.vertices.min(axis=0), moved.vertices.max(axis=0)
-    step = max(1.0, float((high - low).max()) / WHOLE_STEPS)
-    return build_fields(moved, low - MARGIN_MM, high + MARGIN_MM, step_mm=step)
+    step = max(settings.field_step_mm, float((high - low).max()) / settings.whole_steps)
+    margin = settings.margin_mm
+    return build_fields(moved, low - margin, high + margin, step_mm=step, band_mm=settings.field_band_mm)
 
 
-def _socket_view(surface: Surface, socket: Socket) -> View:
-    axis = opening(surface, socket)
-    return view_at(surface, *as_scanned(surface, socket, axis), axis, whole=False)
+def _socket_view(surface: Surface, socket: Socket, settings: PreparationSettings) -> View:
+    axis = opening(surface, socket, settings.view)
+    centre, radius_mm = as_scanned(surface, socket, axis, settings)
+    return view_at(surface, centre, radius_mm, axis, whole=False, settings=settings.view)
 
 
-def as_scanned(surface: Surface, socket: Socket, axis: FloatArray) -> tuple[FloatArray, float]:
+def as_scanned(
+    surface: Surface, socket: Socket, axis: FloatArray, settings: PreparationSettings
+) -> tuple[FloatArray, float]:
     """Centre (3,) and radius of the socket's sphere as a scan from in front of it would show them.
 
     A socket that is no true sphere has no one centre: what counts is that model and scan agree on it, so it is found
     here as it is found there.
     """
+    view = settings.view
     offset = surface.vertices[surface.faces].mean(axis=1) - socket.centre
     along = offset @ axis
     aside = np.linalg.norm(offset - along[:, None] * axis, axis=1)
-    reach = SEEN_RADII * socket.radius_mm
+    reach = view.seen_radii * socket.radius_mm
     facing = surface.face_normals @ axis
-    seen = (facing > 0.1) & (aside < reach) & (np.abs(along) < reach)
+    seen = (facing > view.seen_min_cosine) & (aside < reach) & (np.abs(along) < reach)
     if not seen.any():
         return socket.centre, socket.radius_mm
     share = surface.face_areas[seen] * facing[seen]
-    drawn = np.random.default_rng(0).choice(np.flatnonzero(seen), AS_SCANNED, p=share / share.sum())
+    drawn = np.random.default_rng(0).choice(np.flatnonzero(seen), view.seen_points, p=share / share.sum())
     points = socket.centre + offset[drawn]
+    max_shift = view.max_centre_shift_radii * socket.radius_mm
     best = (0.0, socket.centre, socket.radius_mm)
-    for radius in socket.radius_mm * RADIUS_FACTORS:
-        for centre in sphere_centres(points, axis, radius, 1):
-            near = bool(np.linalg.norm(centre - socket.centre) < 0.5 * socket.radius_mm)
-            support = sphere_support(points, centre, float(radius)) * near
+    for radius in socket.radius_mm * np.array(view.radius_factors):
+        for centre in sphere_centres(points, axis, radius, settings.sphere, 1):
+            near = bool(np.linalg.norm(centre - socket.centre) < max_shift)
+            support = sphere_support(points, centre, float(radius), settings.sphere) * near
             best = max(best, (support, centre, float(radius)), key=lambda found: found[0])
     return best[1], best[2]
 
@@ -170,11 +154,11 @@ class Place:
     Attributes
     ----------
     cell : tuple of three ints
-        Centre, in steps of `CELL_MM`.
+        Centre, in steps of `cell_mm`.
     direction : int
-        Number of the nearest of `DIRECTIONS` evenly spread ones, towards the scanner.
+        Number of the nearest of `directions` evenly spread ones, towards the scanner.
     reach : int
-        How far the region goes, in steps of `CELL_MM`.
+        How far the region goes, in steps of `cell_mm`.
     """
 
     cell: tuple[int, int, int]
@@ -182,12 +166,13 @@ class Place:
     reach: int
 
     @classmethod
-    def of(cls, centre: FloatArray, axis: FloatArray, reach_mm: float) -> Place:
+    def of(cls, centre: FloatArray, axis: FloatArray, reach_mm: float, settings: ViewSettings) -> Place:
         """The place that holds all within `reach_mm` of `centre` (3,) mm, seen along the unit vector `axis`."""
-        x, y, z = (int(v) for v in np.rint(centre / CELL_MM))
-        off = float(np.linalg.norm(centre - CELL_MM * np.array([x, y, z])))
-        direction = int(np.argmax(sphere_directions(DIRECTIONS) @ axis))
-        return cls((x, y, z), direction, int(np.ceil((reach_mm + off) / CELL_MM)))
+        cell_mm = settings.cell_mm
+        x, y, z = (int(v) for v in np.rint(centre / cell_mm))
+        off = float(np.linalg.norm(centre - cell_mm * np.array([x, y, z])))
+        direction = int(np.argmax(sphere_directions(settings.directions) @ axis))
+        return cls((x, y, z), direction, int(np.ceil((reach_mm + off) / cell_mm)))
 
     @property
     def name(self) -> str:
@@ -195,36 +180,41 @@ class Place:
         return "-".join(str(v) for v in (*self.cell, self.direction, self.reach))
 
 
-def start_view(surface: Surface, place: Place) -> View:
+def start_view(surface: Surface, place: Place, settings: ViewSettings) -> View:
     """A view of any region, whose fields can be made only where a part of the surface is (else `StartError`)."""
-    axis, centre = sphere_directions(DIRECTIONS)[place.direction], CELL_MM * np.array(place.cell)
-    return View(centre, float("inf"), axis, partial(_shell_fields, surface, centre, axis, CELL_MM * place.reach))
+    axis = sphere_directions(settings.directions)[place.direction]
+    centre, reach = settings.cell_mm * np.array(place.cell), settings.cell_mm * place.reach
+    return View(centre, float("inf"), axis, partial(_shell_fields, surface, centre, axis, reach, settings))
 
 
-def _shell_fields(surface: Surface, centre: FloatArray, axis: FloatArray, reach: float) -> Fields:
+def _shell_fields(
+    surface: Surface, centre: FloatArray, axis: FloatArray, reach: float, settings: ViewSettings
+) -> Fields:
     """Fields of what can be seen within `reach` of `centre` from the direction `axis`."""
+    margin = settings.margin_mm
     corners = surface.vertices[surface.faces]
     middle = corners.mean(axis=1)
     span = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
-    asked = np.linalg.norm(middle - centre, axis=1) < reach + MARGIN_MM + span
+    asked = np.linalg.norm(middle - centre, axis=1) < reach + margin + span
     if not asked.any():
-        raise StartError(BESIDE)
+        raise StartError(AIMS_OFF)
     cropped = part(surface, asked)
-    shell = visible_shell(surface, axis, SHELL_CONE_DEG, only=cropped)
+    shell = visible_shell(surface, axis, settings.shell_cone_deg, only=cropped, min_cosine=settings.min_seen_cosine)
     shell = Surface(shell.vertices - centre, shell.faces, shell.border)
     low, high = np.maximum(shell.vertices.min(axis=0), -reach), np.minimum(shell.vertices.max(axis=0), reach)
     if (low > high).any():  # of large faces the middles may be near enough, and no corner on this side
-        raise StartError(BESIDE)
-    return build_fields(shell, low - MARGIN_MM, high + MARGIN_MM)
+        raise StartError(AIMS_OFF)
+    step, band = settings.field_step_mm, settings.field_band_mm
+    return build_fields(shell, low - margin, high + margin, step_mm=step, band_mm=band)
 
 
-def opening(surface: Surface, socket: Socket, rays: int = 400) -> FloatArray:
+def opening(surface: Surface, socket: Socket, settings: ViewSettings) -> FloatArray:
     """Unit vector (3,) through the middle of a socket's opening: the mean of the directions free of bone."""
-    directions = sphere_directions(rays)
+    directions = sphere_directions(settings.opening_rays)
     distance = surface.first_hit(np.broadcast_to(socket.centre, directions.shape), directions)
-    mean = directions[distance > 2.5 * socket.radius_mm].sum(axis=0)
+    mean = directions[distance > settings.opening_radii * socket.radius_mm].sum(axis=0)
     length = float(np.linalg.norm(mean))
-    return np.asarray(mean / length if length > 1.0 else socket.axis, dtype=np.float64)
+    return np.asarray(mean / length if length > settings.opening_min_directions else socket.axis, dtype=np.float64)
 
 
 def sphere_directions(count: int) -> FloatArray:

@@ -7,9 +7,13 @@ import numpy as np
 from picoradar.registration._types import BoolArray, FloatArray
 from picoradar.registration.errors import MeshError
 from picoradar.registration.model.surface import Surface, part
+from picoradar.registration.settings import ViewSettings
 
-GRAZING_COSINE = 0.02
-"""Faces seen flatter than this return no echo."""
+MIN_COSINE = ViewSettings().min_seen_cosine
+"""Of a shell that is made outside of the preparation of a model."""
+
+OFF_FACE_MM = 1e-3
+"""Rays to the scanner begin so far off their face, which they would meet else."""
 
 
 def directions_in_cone(axis: FloatArray, half_angle_deg: float, rings: int = 2, spokes: int = 6) -> FloatArray:
@@ -27,15 +31,16 @@ def directions_in_cone(axis: FloatArray, half_angle_deg: float, rings: int = 2, 
     return np.array(out)
 
 
-def visible_faces(surface: Surface, to_scanner: FloatArray, whole: Surface) -> BoolArray:
+def visible_faces(surface: Surface, to_scanner: FloatArray, whole: Surface, min_cosine: float) -> BoolArray:
     """Faces (F,) that can be seen from at least one of the directions `to_scanner` (K, 3), scanner far away.
 
-    A face is seen when it faces the direction and the ray from its centre that way meets nothing of `whole`.
+    A face is seen when it faces the direction by more than `min_cosine`, and the ray from its centre that way meets
+    nothing of `whole`.
     """
-    centres = surface.vertices[surface.faces].mean(axis=1) + 1e-3 * surface.face_normals
+    centres = surface.vertices[surface.faces].mean(axis=1) + OFF_FACE_MM * surface.face_normals
     seen = np.zeros(len(surface.faces), dtype=np.bool_)
     for direction in to_scanner:
-        ask = np.flatnonzero(~seen & (surface.face_normals @ direction > GRAZING_COSINE))
+        ask = np.flatnonzero(~seen & (surface.face_normals @ direction > min_cosine))
         if len(ask) == 0:
             continue
         distance = whole.first_hit(centres[ask], np.broadcast_to(direction, (len(ask), 3)))
@@ -44,7 +49,11 @@ def visible_faces(surface: Surface, to_scanner: FloatArray, whole: Surface) -> B
 
 
 def visible_shell(
-    surface: Surface, to_scanner: FloatArray, half_angle_deg: float = 25.0, only: Surface | None = None
+    surface: Surface,
+    to_scanner: FloatArray,
+    half_angle_deg: float = 25.0,
+    only: Surface | None = None,
+    min_cosine: float = MIN_COSINE,
 ) -> Surface:
     """Return the part of a surface that a scanner within `half_angle_deg` of `to_scanner` (3,) can see.
 
@@ -57,6 +66,8 @@ def visible_shell(
     half_angle_deg : float
     only : Surface, optional
         Part of `surface` that is asked for.
+    min_cosine : float
+        Faces seen flatter than this return no echo.
 
     Raises
     ------
@@ -65,12 +76,16 @@ def visible_shell(
     """
     axis = to_scanner / np.linalg.norm(to_scanner)
     asked = only or surface
-    seen = visible_faces(asked, directions_in_cone(axis, half_angle_deg), surface)
+    seen = visible_faces(asked, directions_in_cone(axis, half_angle_deg), surface, min_cosine)
     if not seen.any():
         raise MeshError(
             "no face of the model faces the scanner: check the scanner's origin and whether the model is inside out"
         )
     return part(asked, seen)
+
+
+UNSEEN_SHARE = 1e-12
+"""Weight of faces that are not seen: where nothing is, there is a centroid none the less."""
 
 
 def visible_centroids(surface: Surface, to_scanner: FloatArray, faces: int = 4000) -> FloatArray:
@@ -81,5 +96,5 @@ def visible_centroids(surface: Surface, to_scanner: FloatArray, faces: int = 400
     stride = max(1, len(surface.faces) // faces)
     centres = surface.vertices[surface.faces[::stride]].mean(axis=1)
     seen = np.maximum(to_scanner @ surface.face_normals[::stride].T, 0.0) * surface.face_areas[::stride]
-    seen += 1e-12 * surface.face_areas[::stride]
+    seen += UNSEEN_SHARE * surface.face_areas[::stride]
     return np.asarray(seen @ centres / seen.sum(axis=1, keepdims=True), dtype=np.float64)

@@ -1,15 +1,15 @@
-"""The exact fit of a pose to the beams, along weak modes too, without the regions that are excluded."""
+"""The beam fit of a pose, along weak modes too, without the regions that are excluded."""
 
-from picoradar.registration.refine.beam_fit import Final, exact_finish
+from picoradar.registration.refine.beam_fit import BeamFit, BeamFitter
 from picoradar.registration.refine.exclusion import excluded_regions, outside_regions
-from picoradar.registration.refine.weak_modes import dispersion, ends_beside, walked
+from picoradar.registration.refine.weak_modes import along_weak_mode, alternatives_of, dispersion
 
 __all__ = [
-    "Final",
+    "BeamFit",
+    "BeamFitter",
+    "along_weak_mode",
+    "alternatives_of",
     "dispersion",
-    "ends_beside",
-    "exact_finish",
     "excluded_regions",
     "outside_regions",
-    "walked",
 ]

@@ -13,39 +13,29 @@ import numpy as np
 
 from picoradar.registration._types import BoolArray, FloatArray
 from picoradar.registration.model import Model
-from picoradar.registration.refine import exact_finish, outside_regions
-from picoradar.registration.robust.schedule import register_beside
+from picoradar.registration.refine import BeamFitter, outside_regions
+from picoradar.registration.robust.schedule import register_near
 from picoradar.registration.scan import Scan
 from picoradar.registration.se3 import transform
+from picoradar.registration.settings import BrightnessSettings, RobustSettings
 from picoradar.registration.solution import Solution
 
-DARK = 0.75
-"""Share of the brightness of bone below which a point is none (soft tissue has about 0.75, blood 0.35)."""
 
-GRAZING_SHARE = 0.3
-"""Rough bone seen at grazing incidence keeps this share of its brightness (Oren and Nayar 1994)."""
-
-ENOUGH = 0.5
-"""Were fewer of the inliers bright than this, the amplitudes would be no measure of the material: all stay."""
-
-
-LOOKED = 3000
-"""Points that the look beside the pose is taken with; all take part in the last finish."""
-
-LEAST_SHARE = 0.25
-"""With fewer points on the model the registration fails anyway, and its inliers are no measure of bone."""
-
-
-def relative_brightness(scan: Scan, response_mv: FloatArray, solution: Solution) -> FloatArray:
+def relative_brightness(
+    scan: Scan, response_mv: FloatArray, solution: Solution, settings: BrightnessSettings
+) -> FloatArray:
     """Amplitudes (N,) over what bone would send back at that range and incidence; the median inlier has 1."""
     beams = scan.beams @ solution.model_from_scanner[:3, :3].T
     cosine = np.clip(-np.einsum("ij,ij->i", solution.closest.normals, beams), 0.0, 1.0)
     ranges = np.linalg.norm(scan.points - scan.origin, axis=1)
-    brightness = response_mv * ranges**2 / (GRAZING_SHARE + (1.0 - GRAZING_SHARE) * cosine)
+    reflected = settings.grazing_share + (1.0 - settings.grazing_share) * cosine
+    brightness = response_mv * ranges**2 / reflected
     return np.asarray(brightness / np.median(brightness[solution.inliers]), dtype=np.float64)
 
 
-def without_dark_points(scan: Scan, model: Model, solution: Solution, regions: FloatArray) -> Solution:
+def without_dark_points(
+    scan: Scan, model: Model, solution: Solution, regions: FloatArray, settings: RobustSettings
+) -> Solution:
     """Solve again, from the pose found, with the points alone that are as bright as bone.
 
     Parameters
@@ -57,25 +47,28 @@ def without_dark_points(scan: Scan, model: Model, solution: Solution, regions: F
         Of the robust method.
     regions : (K, 4) array
         Excluded spheres of the model, centre and radius.
+    settings : RobustSettings
     """
-    if scan.response_mv is None or solution.inliers.mean() < LEAST_SHARE:
-        return solution
+    s = settings.brightness
+    if scan.response_mv is None or solution.inliers.mean() < settings.trust.min_inlier_share:
+        return solution  # the registration fails anyway, and its inliers are no measure of bone
     if np.median(scan.response_mv[solution.inliers]) <= 0.0:
         return solution  # no amplitudes at all
-    bright: BoolArray = relative_brightness(scan, scan.response_mv, solution) > DARK
-    if bright.all() or bright[solution.inliers].mean() < ENOUGH:
+    bright: BoolArray = relative_brightness(scan, scan.response_mv, solution, s) > s.min_share
+    if bright.all() or bright[solution.inliers].mean() < s.min_bright_inliers:
         return solution
-    again = register_beside(scan.thinned(LOOKED, bright), model, solution.model_from_scanner, regions)
-    pose = again.model_from_scanner
+    near = register_near(scan.thinned(s.search_points, bright), model, solution.model_from_scanner, regions, settings)
+    pose = near.model_from_scanner
     allowed = bright & outside_regions(transform(pose, scan.points), regions)
-    voters = np.where(np.append(bright, False)[solution.around], solution.around, len(scan))
-    final = exact_finish(scan, model.surface, pose, again.noise, voters, allowed, noise_known=scan.noise_known)
+    bright_neighbours = np.where(np.append(bright, False)[solution.around], solution.around, len(scan))
+    fitter = BeamFitter(scan, model.surface, near.noise, bright_neighbours, scan.noise_known, settings)
+    fit = fitter.fit(pose, allowed)
     return replace(
         solution,
-        model_from_scanner=final.model_from_scanner,
-        closest=final.closest(scan, model.surface),
-        inliers=final.inliers,
-        history=[*solution.history, *again.history, *final.history],
-        noise=final.noise,
-        beside=again.beside,
+        model_from_scanner=fit.model_from_scanner,
+        closest=fit.closest(scan, model.surface),
+        inliers=fit.inliers,
+        history=[*solution.history, *near.history, *fit.history],
+        noise=fit.noise,
+        alternatives=near.alternatives,
     )

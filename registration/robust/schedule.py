@@ -1,41 +1,32 @@
-"""The robust method: search, then an exact finish.
+"""The schedule of the robust method: from the minima of the search to the pose that the beams fit best.
 
-(1) The socket's centre from a consensus over spheres, (2) rotations from a low-discrepancy sequence, (3) races of
-damped Gauss-Newton steps under a one-sided loss on distance fields, (4) distinct finishers polished with tissue decided
-over neighbourhoods and ranked by likelihood, (5) symmetric steps on cast beams with the noise they show.
+Equation numbers are those of ``docs/registration.md``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from picoradar.registration._types import FloatArray
 from picoradar.registration.model import Model
-from picoradar.registration.refine import Final, ends_beside, exact_finish, outside_regions, walked
-from picoradar.registration.scan import (
-    INDEPENDENT_POINTS,
-    NoiseModel,
-    Scan,
-    initial_noise,
-)
+from picoradar.registration.refine import BeamFit, BeamFitter, along_weak_mode, alternatives_of, outside_regions
+from picoradar.registration.scan import NoiseModel, Scan, initial_noise
 from picoradar.registration.se3 import transform
-from picoradar.registration.search import ANYWHERE, SAME_DEG, SAME_MM, Candidate, Cone, Search, difference
+from picoradar.registration.search import ANYWHERE, Candidate, Cone, Search, difference
+from picoradar.registration.settings import RobustSettings, ScheduleSettings
 from picoradar.registration.solution import Rival, Solution
-
-FINISHED, WITHIN = 3, 60.0
-"""So many candidates are finished, if their log likelihoods are within this of the best; the likeliest is taken."""
-
-WHOLE_FINISHED, WHOLE_WITHIN = 5, 200.0
-"""The same on a whole body: a field rounds its edges, and parts twins that are equal when beams are cast."""
-
-MAX_RIVALS = 5
-"""Rivals reported at most."""
 
 
 def register_robust(
-    scan: Scan, model: Model, start: FloatArray | Cone | None, noise_mm: float | None, regions: FloatArray
+    scan: Scan,
+    model: Model,
+    start: FloatArray | Cone | None,
+    noise_mm: float | None,
+    regions: FloatArray,
+    settings: RobustSettings,
 ) -> Solution:
     """Register a scan to a model.
 
@@ -49,87 +40,108 @@ def register_robust(
         Range noise; estimated when None.
     regions : (K, 4) array
         Excluded spheres of the model, centre and radius.
+    settings : RobustSettings
     """
-    sigma = initial_noise(scan, noise_mm)
+    sigma = initial_noise(scan, noise_mm, settings.noise)
     cone = start if isinstance(start, Cone) else ANYWHERE
-    search = Search(scan, model, sigma, cone)
-    known = noise_mm is not None or scan.noise_known
+    search = Search(scan, model, sigma, settings, cone)
+    fits = _Fits(search, regions, noise_mm is not None or scan.noise_known)
     if isinstance(start, np.ndarray):
-        return _finished(search, search.about(start), regions, noise_known=known, sure=True)
+        return fits.solved(search.about(start), confident=True)
     candidates = search.from_anywhere()
-    return _finished(search, candidates, regions, noise_known=known, sure=search.sure(candidates))
+    return fits.solved(candidates, confident=search.confident(candidates))
 
 
-def register_beside(scan: Scan, model: Model, solved: FloatArray, regions: FloatArray) -> Solution:
-    """Register a scan beside a pose (4, 4) that was found with other points of it; regions as above."""
-    search = Search(scan, model, initial_noise(scan, None))
-    candidates = search.beside(solved)
-    return _finished(search, candidates, regions, noise_known=scan.noise_known, sure=True, also=[solved])
-
-
-def _finished(
-    search: Search,
-    candidates: list[Candidate],
-    regions: FloatArray,
-    *,
-    noise_known: bool,
-    sure: bool,
-    also: Sequence[FloatArray] = (),
+def register_near(
+    scan: Scan, model: Model, solved: FloatArray, regions: FloatArray, settings: RobustSettings
 ) -> Solution:
-    """Finish the likeliest candidates, and poses (4, 4) `also`, on all points, and take the best."""
-    scan = search.scan
-
-    def finished(start: FloatArray, points: Scan) -> Final:
-        allowed = outside_regions(transform(start, points.points), regions)
-        noise = NoiseModel(search.sigma_mm)
-        return exact_finish(points, search.model.surface, start, noise, points.around, allowed, noise_known=noise_known)
-
-    chosen, others = _worth_a_finish(candidates, len(search.trials.thin))
-    starts = [*(c.model_from_scanner for c in chosen), *also]
-    if search.trials.thin is not scan:
-        starts = [finished(s, search.trials.thin).model_from_scanner for s in starts]
-    finals = [finished(s, scan) for s in starts]
-    walk = walked(max(finals, key=lambda f: f.log_likelihood), scan, lambda pose: finished(pose, scan))
-    final = max(walk, key=lambda f: f.log_likelihood)
-    ends = [(f.model_from_scanner, f.log_likelihood) for f in (*finals, *walk[1:])]
-    offset = finals[0].log_likelihood - candidates[0].log_likelihood
-    ends += [(c.model_from_scanner, c.log_likelihood + offset) for c in others]
-    best = final.model_from_scanner
-    return Solution(
-        model_from_scanner=final.model_from_scanner,
-        closest=final.closest(scan, search.model.surface),
-        inliers=final.inliers,
-        history=final.history,
-        rivals=rivals_of(best, ends, search.middle),
-        noise=final.noise,
-        around=scan.around,
-        cost=-final.log_likelihood,
-        method="robust",
-        sure=sure,
-        beside=ends_beside(final, walk, min(len(scan), INDEPENDENT_POINTS)),
-    )
+    """Register a scan near a pose (4, 4) that was found with other points of it; regions as above."""
+    search = Search(scan, model, initial_noise(scan, None, settings.noise), settings)
+    return _Fits(search, regions, scan.noise_known).solved(search.near(solved), confident=True, also=[solved])
 
 
-def _worth_a_finish(candidates: list[Candidate], points: int) -> tuple[list[Candidate], list[Candidate]]:
-    """Candidates that are finished, the likeliest first, and the others.
+@dataclass(frozen=True)
+class _Fits:
+    """Beam fits of what a search found."""
+
+    search: Search
+    regions: FloatArray
+    noise_known: bool
+
+    def solved(self, candidates: list[Candidate], *, confident: bool, also: Sequence[FloatArray] = ()) -> Solution:
+        """Fit the likeliest candidates, and poses (4, 4) `also`, and take the best."""
+        settings, scan, thin = self.search.settings, self.search.scan, self.search.descent.thin
+        # 1. The candidates that may be the best when the beams are cast.
+        chosen, others = worth_a_fit(candidates, len(thin), settings.schedule)
+        starts = [*(c.model_from_scanner for c in chosen), *also]
+        # 2. Of a large scan, first on some of its points.
+        if thin is not scan:
+            starts = [self.fitted(start, thin).model_from_scanner for start in starts]
+        # 3. On all points [eq. 1 to 9].
+        fits = [self.fitted(start, scan) for start in starts]
+        # 4. Along the weak mode of the likeliest [eq. 12].
+        likeliest = max(fits, key=_log_likelihood)
+        walk = along_weak_mode(likeliest, scan, lambda pose: self.fitted(pose, scan), settings.weak_mode)
+        # 5. The likeliest of all is the pose [eq. 11]; other minima are its rivals.
+        best = max(walk, key=_log_likelihood)
+        offset = fits[0].log_likelihood - candidates[0].log_likelihood  # of fits over distance fields
+        ends = [(f.model_from_scanner, f.log_likelihood) for f in (*fits, *walk[1:])]
+        ends += [(c.model_from_scanner, c.log_likelihood + offset) for c in others]
+        # 6. What the judgement needs to know.
+        independent = min(len(scan), settings.tissue.independent_points)
+        return Solution(
+            model_from_scanner=best.model_from_scanner,
+            closest=best.closest(scan, self.search.model.surface),
+            inliers=best.inliers,
+            history=best.history,
+            rivals=rivals_of(best.model_from_scanner, ends, self.search.middle, settings),
+            noise=best.noise,
+            around=scan.around,
+            cost=-best.log_likelihood,
+            method="robust",
+            confident=confident,
+            alternatives=alternatives_of(best, walk, independent, settings.weak_mode),
+        )
+
+    def fitted(self, start: FloatArray, scan: Scan) -> BeamFit:
+        """Beam fit of a scan, or of some of its points, from a pose (4, 4)."""
+        settings, surface = self.search.settings, self.search.model.surface
+        noise = NoiseModel.of(self.search.sigma_mm, settings.noise)
+        allowed = outside_regions(transform(start, scan.points), self.regions)
+        return BeamFitter(scan, surface, noise, scan.around, self.noise_known, settings).fit(start, allowed)
+
+
+def _log_likelihood(fit: BeamFit) -> float:
+    return fit.log_likelihood
+
+
+def worth_a_fit(
+    candidates: list[Candidate], points: int, settings: ScheduleSettings
+) -> tuple[list[Candidate], list[Candidate]]:
+    """Candidates that are fitted, the likeliest first, and the others.
 
     Those nearly as likely as the best on the fields of the search; and the one that most starts ended at, for fields
     can flatter a wrong pose by more than that.
     """
-    most, within = (WHOLE_FINISHED, WHOLE_WITHIN) if candidates[0].view.whole else (FINISHED, WITHIN)
-    least = candidates[0].log_likelihood - within / points
-    favourite = max(candidates, key=lambda c: c.hits)
-    chosen = [c for k, c in enumerate(candidates) if (k < most and c.log_likelihood >= least) or c is favourite]
+    max_fits, within_nats = settings.max_fits, settings.fit_within_nats
+    if candidates[0].view.whole:
+        max_fits, within_nats = settings.whole_max_fits, settings.whole_fit_within_nats
+    lowest = candidates[0].log_likelihood - within_nats / points
+    most_met = max(candidates, key=lambda c: c.hits)
+    chosen = [c for k, c in enumerate(candidates) if (k < max_fits and c.log_likelihood >= lowest) or c is most_met]
     return chosen, [c for c in candidates if not any(c is other for other in chosen)]
 
 
-def rivals_of(best: FloatArray, ends: list[tuple[FloatArray, float]], middle: FloatArray) -> list[Rival]:
+def rivals_of(
+    best: FloatArray, ends: list[tuple[FloatArray, float]], middle: FloatArray, settings: RobustSettings
+) -> list[Rival]:
     """Minima other than the best, the likeliest first, each once: from poses with their log likelihoods."""
+    search = settings.search
     rivals: list[Rival] = []
     known = [best]
     for found, log_likelihood in sorted(ends, key=lambda e: -e[1]):
         apart = [difference(found, other, middle) for other in known]
-        if all(turn >= SAME_DEG or shift >= SAME_MM for turn, shift in apart):
+        if all(turn >= search.same_deg or shift >= search.same_mm for turn, shift in apart):
             known.append(found)
             rivals.append(Rival(found, -log_likelihood, *apart[0]))
-    return rivals[:MAX_RIVALS]
+    return rivals[: settings.schedule.max_rivals]

@@ -1,26 +1,20 @@
 """The scan that is registered: points and beams, raster neighbours, noise, response, bone or tissue."""
 
 from picoradar.registration.scan.noise import (
-    PLAUSIBLE_RANGE_MM,
-    TYPICAL_RANGE_MM,
+    SIGMA_PER_MAD,
     NoiseModel,
     estimated_range_noise,
     initial_noise,
-)
-from picoradar.registration.scan.points import Scan, checked_scan
-from picoradar.registration.scan.response import weighted_by_response
-from picoradar.registration.scan.tissue import (
-    INDEPENDENT_POINTS,
-    bone_probability,
-    log_likelihood,
-    neighbour_sum,
+    mad_scale,
     raster_noise,
 )
+from picoradar.registration.scan.points import MIN_POINTS, Scan, checked_scan
+from picoradar.registration.scan.response import weighted_by_response
+from picoradar.registration.scan.tissue import bone_probability, log_likelihood, neighbour_sum
 
 __all__ = [
-    "INDEPENDENT_POINTS",
-    "PLAUSIBLE_RANGE_MM",
-    "TYPICAL_RANGE_MM",
+    "MIN_POINTS",
+    "SIGMA_PER_MAD",
     "NoiseModel",
     "Scan",
     "bone_probability",
@@ -28,6 +22,7 @@ __all__ = [
     "estimated_range_noise",
     "initial_noise",
     "log_likelihood",
+    "mad_scale",
     "neighbour_sum",
     "raster_noise",
     "weighted_by_response",

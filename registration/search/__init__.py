@@ -2,13 +2,11 @@
 
 from picoradar.registration.search.cone import ANYWHERE, Cone
 from picoradar.registration.search.global_search import Search
-from picoradar.registration.search.minima import SAME_DEG, SAME_MM, Candidate, difference
+from picoradar.registration.search.minima import Candidate, difference
 from picoradar.registration.search.start import Landmarks, Start, checked_start
 
 __all__ = [
     "ANYWHERE",
-    "SAME_DEG",
-    "SAME_MM",
     "Candidate",
     "Cone",
     "Landmarks",

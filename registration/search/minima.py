@@ -9,12 +9,7 @@ import numpy as np
 from picoradar.registration._types import FloatArray
 from picoradar.registration.model import View
 from picoradar.registration.se3 import rotation_angle_deg, transform
-
-SURE_HITS = 3
-"""A minimum that so many finishers of one race reach, or that wins two races, is sure; so is one that is clear."""
-
-SAME_DEG, SAME_MM = 2.0, 1.0
-"""Poses nearer than this are one minimum."""
+from picoradar.registration.settings import SearchSettings
 
 
 @dataclass(frozen=True)
@@ -27,7 +22,7 @@ class Candidate:
     log_likelihood : float
         Mean a point; the larger the better.
     hits : int
-        Finishers that ended here.
+        Survivors of successive halving that ended here.
     view : View
         That it was found in.
     """
@@ -38,13 +33,18 @@ class Candidate:
     view: View
 
 
-def merged(one: list[Candidate], other: list[Candidate], at: FloatArray, bonus: int = SURE_HITS) -> list[Candidate]:
-    """Join lists of minima, best first; a minimum found again keeps its better pose and gains `bonus` hits."""
+def merged(
+    one: list[Candidate], other: list[Candidate], at: FloatArray, settings: SearchSettings, *, bonus: int = 0
+) -> list[Candidate]:
+    """Join lists of minima, best first; a minimum found again keeps its better pose and gains `bonus` hits.
+
+    Poses are compared by their rotations and by where the scanner-frame point `at` (3,) goes.
+    """
     out: list[Candidate] = []
     for candidate in sorted([*one, *other], key=lambda c: -c.log_likelihood):
         for index, better in enumerate(out):
             turn, shift = difference(better.model_from_scanner, candidate.model_from_scanner, at)
-            if turn < SAME_DEG and shift < SAME_MM:
+            if turn < settings.same_deg and shift < settings.same_mm:
                 out[index] = replace(better, hits=better.hits + candidate.hits + bonus)
                 break
         else:

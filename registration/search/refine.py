@@ -7,20 +7,18 @@ import numpy as np
 from picoradar.registration._types import Float32Array, FloatArray, Neighbours
 from picoradar.registration.model import DistanceField
 from picoradar.registration.scan import bone_probability, log_likelihood
-from picoradar.registration.search.batch import AWAY, Poses, Sampled, beam_weights, cast, sample, step
-
-INSIDE_MM = 10.0
-"""Residual that stands for "this cannot be"."""
+from picoradar.registration.search.field_factor import Beams, Poses, Sampled, beam_weights, cast, sample, step
+from picoradar.registration.settings import RobustSettings
 
 
-def polish(
+def refined(
     field: DistanceField,
     poses: Poses,
-    points: Float32Array,
-    beams: Float32Array,
+    beams: Beams,
     around: Neighbours,
     sigma_mm: float,
-    iterations: tuple[int, int] = (5, 0),
+    steps: tuple[int, int],
+    settings: RobustSettings,
 ) -> tuple[Poses, FloatArray]:
     """Refine candidate poses with bone probabilities as weights; return them with mean log likelihoods (K,).
 
@@ -28,26 +26,30 @@ def polish(
     ----------
     field : DistanceField
     poses : Poses
-    points, beams : (3, M) arrays of float32
+    beams : Beams
     around : (M, 8) array
         Neighbours of these points.
     sigma_mm : float
         Noise along the beam.
-    iterations : (int, int)
+    steps : (int, int)
         Steps on the closest points, which reach far, and steps on cast beams, which are exact.
+    settings : RobustSettings
     """
-    for turn in range(sum(iterations)):
-        found = sample(field, poses, points, beams)
-        if turn >= iterations[0]:
-            found = cast(field, found)
-        probability = bone_probability(_along_beam(found), sigma_mm, around).astype(np.float32)
-        poses = step(poses, found, beam_weights(found, probability), damping=1e-6)
-    likelihood = log_likelihood(_along_beam(cast(field, sample(field, poses, points, beams))), sigma_mm, around)
+    for number in range(sum(steps)):
+        found = sample(field, poses, beams, settings.step)
+        if number >= steps[0]:
+            found = cast(field, found, settings.step)
+        along = _along_beam(found, settings)
+        probability = bone_probability(along, sigma_mm, around, settings.tissue).astype(np.float32)
+        poses = step(poses, found, beam_weights(found, probability), settings.step, settings.step.refine_damping)
+    met = cast(field, sample(field, poses, beams, settings.step), settings.step)
+    likelihood = log_likelihood(_along_beam(met, settings), sigma_mm, around, settings.tissue)
     return poses, likelihood.mean(axis=1)
 
 
-def _along_beam(found: Sampled) -> Float32Array:
+def _along_beam(found: Sampled, settings: RobustSettings) -> Float32Array:
     """Residuals along the beams; a surface that faces away counts as deep inside."""
     residual = found.along_beam()
-    residual[found.cosine <= AWAY] = -INSIDE_MM
+    facing_away = found.cosine <= np.float32(settings.step.facing_away_cosine)
+    residual[facing_away] = -settings.tissue.residual_inside_mm
     return residual

@@ -1,170 +1,110 @@
-"""The global search: many starts race, the worse part drops out, and the rest go on with more points and finer fields.
+"""Successive halving: all starts descend, the worse part drops out, the rest go on with more points and finer fields.
 
-A start is a rotation from a low-discrepancy sequence with the socket's centre found by consensus. All starts of a heat
-take their Gauss-Newton steps together. Deterministic: no random number and no thread takes part.
+A start is a rotation from a low-discrepancy sequence with the socket's centre found by consensus. All poses of a stage
+take their Gauss-Newton steps together. Deterministic: no unseeded random number and no thread takes part.
+
+References
+----------
+Jamieson, Talwalkar, AISTATS (2016): successive halving. Li et al., JMLR 18:185 (2018).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from picoradar.registration._types import Float32Array, FloatArray, IntArray
 from picoradar.registration.model import View
-from picoradar.registration.search.batch import Poses, descended, scores
-
-
-@dataclass(frozen=True)
-class Heat:
-    """One heat of the race.
-
-    Attributes
-    ----------
-    points : int
-        Points that take part.
-    fine : bool
-        Which field is read.
-    least, most : int
-        Poses that enter, the best at first sight of this heat's points; the first heat takes all.
-    within : float
-        Of these, beyond the `least`, only those enter whose loss a point is within this of the best one's.
-    scales_mm : tuple of float
-        Scale of the loss in each step; the first one also serves to rank.
-    inside : float
-        Largest loss inside bone, in units of the largest one in front of it.
-    """
-
-    points: int
-    fine: bool
-    least: int
-    most: int
-    within: float
-    scales_mm: tuple[float, ...]
-    inside: float
-
-    def entrants(self, score: Float32Array) -> IntArray:
-        """Who enters, best first, by the losses (K,) of all that want to."""
-        order = np.argsort(score, kind="stable")
-        close = int(np.searchsorted(score[order], score[order[0]] + self.within))
-        return order[: min(max(close, self.least), self.most)]
-
-
-HEATS = (
-    Heat(160, False, 256, 256, np.inf, (1.4, 1.0), 25.0),
-    Heat(200, False, 24, 96, 0.5, (1.0, 0.8, 0.7), 25.0),
-    Heat(400, True, 12, 32, 0.4, (0.7, 0.7, 0.7), 25.0),
-    Heat(800, True, 8, 12, 0.35, (0.7, 0.7, 0.7, 0.7), 25.0),
-)
-"""Margins: on simulated scans the start that wins is never more than 0.45, 0.32 and 0.28 behind as a heat begins."""
-
-PATIENT_HEATS = (
-    HEATS[0],
-    replace(HEATS[1], most=256, within=np.inf),
-    replace(HEATS[2], most=96, within=np.inf),
-    replace(HEATS[3], most=36, within=np.inf),
-)
-"""Heats for scans that stay unclear: under much tissue the right start can fall far behind before it wins."""
-
-RANKED_INSIDE = 5.0
-"""Largest loss inside bone where poses are ranked."""
-
-NEAR_HEATS = (
-    Heat(250, True, 128, 128, np.inf, (1.0, 0.8, 0.7), 25.0),
-    Heat(400, True, 6, 24, 0.25, (0.7, 0.7, 0.7), 25.0),
-    Heat(800, True, 3, 8, 0.12, (0.7, 0.7, 0.7), 25.0),
-)
-"""Heats of a race about a minimum."""
-
-STRATA_MM = (1.0, -1.0, -2.5)
-"""Heights over the sphere that part the points: hollows beyond it, the sphere itself, low tissue, high tissue."""
-
-STRATA_SHARES = (0.4, 0.5, 0.1, 0.02)
-"""How the points that race are drawn from these strata."""
+from picoradar.registration.search.field_factor import Beams, OneSidedLoss, Poses, descended, scores
+from picoradar.registration.settings import RobustSettings, SearchSettings, Stage
 
 
 @dataclass(frozen=True)
 class Cloud:
-    """The points of a search: in the order in which heats take them, about the cloud's socket centre, float32.
+    """The points of a search, in the order in which stages take them, about the cloud's socket centre.
 
     Attributes
     ----------
     centre : (3,) array
         Scanner frame, mm.
-    points, beams : (3, N) arrays of float32
+    beams : Beams
     """
 
     centre: FloatArray
-    points: Float32Array
-    beams: Float32Array
+    beams: Beams
 
     @classmethod
     def about(cls, points: FloatArray, beams: FloatArray, centre: FloatArray, order: IntArray) -> Cloud:
         """Take points (N, 3) and beams (N, 3) in `order`."""
-        return cls(
-            centre=centre,
-            points=np.ascontiguousarray((points - centre)[order].T, dtype=np.float32),
-            beams=np.ascontiguousarray(beams[order].T, dtype=np.float32),
-        )
-
-    def first(self, count: int) -> tuple[Float32Array, Float32Array]:
-        """The first `count` points and beams."""
-        return np.ascontiguousarray(self.points[:, :count]), np.ascontiguousarray(self.beams[:, :count])
+        return cls(centre, Beams.of((points - centre)[order], beams[order]))
 
 
-def shuffle(count: int, draw: int = 0) -> IntArray:
-    """A permutation of `count` that is the same on every run; another one for every `draw`."""
-    return np.random.default_rng(draw).permutation(count)
+def shuffled(count: int, seed: int) -> IntArray:
+    """A permutation of `count` that is the same on every run; another one for every `seed`."""
+    return np.random.default_rng(seed).permutation(count)
 
 
-def telling_order(points: FloatArray, centre: FloatArray, radius_mm: float, draw: int = 0) -> IntArray:
+def stratified_order(
+    points: FloatArray, centre: FloatArray, radius_mm: float, seed: int, settings: SearchSettings
+) -> IntArray:
     """Order points (N, 3) so that the first of them tell most about the rotation.
 
     On the sphere itself all rotations look alike; the hollows beyond it (fossa, notch, rim) tell them apart, and what
     stands far in front of it is tissue. So any first points hold fixed shares of these strata, as far as they reach.
     """
-    order = shuffle(len(points), draw)
+    order = shuffled(len(points), seed)
     height = (np.linalg.norm(points - centre, axis=1) - radius_mm)[order]
-    stratum = (height[:, None] < np.array(STRATA_MM)).sum(axis=1)
+    stratum = (height[:, None] < np.array(settings.stratum_heights_mm)).sum(axis=1)
     turn = np.empty(len(order))
-    for index, share in enumerate(STRATA_SHARES):
+    for index, share in enumerate(settings.stratum_shares):
         members = np.flatnonzero(stratum == index)
         turn[members] = (np.arange(len(members)) + 0.5) / share
     return order[np.argsort(turn, kind="stable")]
 
 
-def race(view: View, cloud: Cloud, poses: Poses, stretch: float = 1.0, heats: tuple[Heat, ...] = HEATS) -> Poses:
-    """Run the heats from `poses` and return the finishers, best first.
+def survivors(stage: Stage, score: Float32Array) -> IntArray:
+    """Which poses stay in a stage, best first, by the losses (K,) of all on its points."""
+    order = np.argsort(score, kind="stable")
+    close = int(np.searchsorted(score[order], score[order[0]] + stage.within))
+    return order[: min(max(close, stage.min_survivors), stage.max_survivors)]
+
+
+def successive_halving(
+    view: View, cloud: Cloud, poses: Poses, stages: tuple[Stage, ...], stretch: float, settings: RobustSettings
+) -> Poses:
+    """Run the stages from `poses` and return those that survive them all, best first.
 
     Parameters
     ----------
     view : View
     cloud : Cloud
     poses : Poses
+    stages : tuple of Stage
     stretch : float
         Factor on all scales of the loss, for noisier instruments.
-    heats : tuple of Heat
+    settings : RobustSettings
     """
-    for number, heat in enumerate(heats):
-        points, beams = cloud.first(heat.points)
-        field = view.fine if heat.fine else view.coarse
+    for number, stage in enumerate(stages):
+        beams = cloud.beams.first(stage.points)
+        field = view.fine if stage.fine else view.coarse
         if number > 0:
-            score = scores(field, poses, points, beams, heat.scales_mm[0] * stretch, RANKED_INSIDE)
-            poses = poses.at(heat.entrants(score))
-        for scale in heat.scales_mm:
-            poses = descended(field, poses, points, beams, scale * stretch, heat.inside)
+            ranking = OneSidedLoss(stage.scales_mm[0] * stretch, settings.search.ranking_inside)
+            poses = poses.at(survivors(stage, scores(field, poses, beams, ranking, settings.step)))
+        for scale in stage.scales_mm:
+            poses = descended(field, poses, beams, OneSidedLoss(scale * stretch, stage.inside), settings.step)
     return poses
 
 
-def distinct(poses: Poses, angle_rad: float = 0.035, shift_mm: float = 1.0) -> tuple[IntArray, IntArray]:
-    """Indices of poses that differ from all earlier ones by `angle_rad` or `shift_mm`, and how many fell to each."""
+def distinct(poses: Poses, settings: SearchSettings) -> tuple[IntArray, IntArray]:
+    """Indices of poses that are not one minimum with an earlier one, and how many fell to each."""
     chosen: list[int] = []
     hits: list[int] = []
     for index in range(len(poses)):
         relative = poses.rotations[chosen] @ poses.rotations[index].T
         cosine = (np.trace(relative, axis1=1, axis2=2) - 1.0) / 2.0
-        near = np.arccos(np.clip(cosine, -1.0, 1.0)) < angle_rad
-        near &= np.linalg.norm(poses.shifts[chosen] - poses.shifts[index], axis=1) < shift_mm
+        near = np.arccos(np.clip(cosine, -1.0, 1.0)) < np.radians(settings.same_deg)
+        near &= np.linalg.norm(poses.shifts[chosen] - poses.shifts[index], axis=1) < settings.same_mm
         if near.any():
             hits[int(np.argmax(near))] += 1
         else:

@@ -22,11 +22,16 @@ import numpy as np
 
 from picoradar.registration._types import BoolArray, FloatArray, Neighbours
 from picoradar.registration.least_squares import weighted_squares
-from picoradar.registration.scan import neighbour_sum
-from picoradar.registration.se3 import skew
+from picoradar.registration.scan import MIN_POINTS, neighbour_sum
+
+SLIDING_TURN = 0.2
+"""A motion that turns by less, in shares of its whole, is described as sliding."""
+
+SCREW_PITCH = 0.2
+"""A turn that advances by less than this share of the points' radius is described without its advance."""
 
 
-def patch_misfit_mm(residuals_mm: FloatArray, inliers: BoolArray, around: Neighbours) -> float:
+def patch_misfit_mm(residuals_mm: FloatArray, inliers: BoolArray, around: Neighbours, min_neighbours: int) -> float:
     """Root mean square departure of the model from the points that neighbours share, free of the points' own noise.
 
     Noise differs from point to point, but a wrong bone, a wrong pose or a bad segmentation displaces whole patches: the
@@ -40,10 +45,12 @@ def patch_misfit_mm(residuals_mm: FloatArray, inliers: BoolArray, around: Neighb
         Points that count.
     around : (N, 8) array
         Raster neighbours; N stands for none.
+    min_neighbours : int
+        Points with fewer inliers beside them tell nothing of what neighbours share.
     """
     count = neighbour_sum(inliers.astype(np.float64), around)
-    used = inliers & (count >= 3)
-    if used.sum() < 6:
+    used = inliers & (count >= min_neighbours)
+    if used.sum() < MIN_POINTS:
         return 0.0
     mean = neighbour_sum(np.where(inliers, residuals_mm, 0.0), around)[used] / count[used]
     return float(np.sqrt(max(0.0, float(np.mean(residuals_mm[used] * mean)))))
@@ -107,12 +114,6 @@ class Target:
     bias_mm: float
 
 
-def target_covariance(covariance: FloatArray, centre: FloatArray, position: FloatArray) -> FloatArray:
-    """``J Cov J^T`` (3, 3) with ``J = [-[r]x I]``, r from `centre` to `position`."""
-    jacobian = np.concatenate([-skew(position - centre), np.eye(3)], axis=1)
-    return np.asarray(jacobian @ covariance @ jacobian.T, dtype=np.float64)
-
-
 def quantile_mm(covariance: FloatArray, probability: float = 0.95) -> float:
     """Quantile of the length of a Gaussian vector with `covariance` (3, 3).
 
@@ -167,14 +168,14 @@ def describe_weakness(found: Stiffness, sigma_axis: FloatArray, centre: FloatArr
     """
     rotation, shift = sigma_axis[:3], sigma_axis[3:] * found.radius_mm
     turn = float(np.linalg.norm(rotation))
-    if turn < 0.2:
+    if turn < SLIDING_TURN:
         axis = shift / np.linalg.norm(shift)
         return f"sliding along ({axis[0]:+.2f}, {axis[1]:+.2f}, {axis[2]:+.2f}), SD {limit:.2f} mm"
     axis = rotation / turn
     pivot = centre + np.cross(rotation, shift) / turn**2
     degrees = np.degrees(limit / found.radius_mm * turn)
     pitch = float(shift @ axis) / turn
-    screw = f", advancing {pitch * 2 * np.pi:.0f} mm a turn" if abs(pitch) > 0.2 * found.radius_mm else ""
+    screw = f", advancing {pitch * 2 * np.pi:.0f} mm a turn" if abs(pitch) > SCREW_PITCH * found.radius_mm else ""
     return (
         f"turning about the axis ({axis[0]:+.2f}, {axis[1]:+.2f}, {axis[2]:+.2f}) through "
         f"({pivot[0]:.1f}, {pivot[1]:.1f}, {pivot[2]:.1f}) mm{screw}, SD {degrees:.2f} deg"

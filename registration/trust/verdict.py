@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from picoradar.registration.settings import TrustSettings
 from picoradar.registration.solution import Rival
 from picoradar.registration.trust.covariance import Target
 from picoradar.registration.trust.result import Verdict
@@ -33,7 +34,7 @@ class Evidence:
         Departure of the model from the points that neighbours share.
     rivals : list of Rival
         Those that may be the truth.
-    sure : bool
+    confident : bool
         The search reached this minimum often enough to trust that it missed no better one.
     """
 
@@ -44,46 +45,31 @@ class Evidence:
     inside_share: float
     misfit_mm: float
     rivals: list[Rival]
-    sure: bool
+    confident: bool
 
 
-FREE = {"deg": 90.0, "mm": 100.0}
-"""Predicted errors beyond these mean that nothing holds the motion."""
-
-MIN_SHARE = 0.25
-"""Fewer points on the model than this share are no registration."""
-
-INSIDE_CAUTION, INSIDE_FAIL = 0.005, 0.03
-"""Shares of points inside bone."""
-
-MISFIT_CAUTION, MISFIT_FAIL = 0.15, 0.5
-"""Departures of the model in patches, as shares of the tolerance at the targets."""
-
-
-def judge(evidence: Evidence, tolerance: Tolerance) -> tuple[Verdict, list[str]]:
+def judge(evidence: Evidence, tolerance: Tolerance, settings: TrustSettings) -> tuple[Verdict, list[str]]:
     """Return the verdict and its reasons as sentences."""
     fails: list[str] = []
     cautions: list[str] = []
     share = evidence.inliers / evidence.points
-    if share < MIN_SHARE:
+    if share < settings.min_inlier_share:
         fails.append(f"Only {share:.0%} of the points lie on the model: it may be another bone, or the pose is wrong.")
-    if evidence.inside_share > INSIDE_CAUTION:
-        (fails if evidence.inside_share > INSIDE_FAIL else cautions).append(
+    if evidence.inside_share > settings.inside_caution_share:
+        (fails if evidence.inside_share > settings.inside_fail_share else cautions).append(
             f"{evidence.inside_share:.1%} of the points lie inside bone, where no beam can end: the model may be "
             "another bone, or mirrored."
         )
-    if evidence.misfit_mm > MISFIT_CAUTION * tolerance.target_mm:
-        (fails if evidence.misfit_mm > MISFIT_FAIL * tolerance.target_mm else cautions).append(
+    if evidence.misfit_mm > settings.misfit_caution_share * tolerance.target_mm:
+        (fails if evidence.misfit_mm > settings.misfit_fail_share * tolerance.target_mm else cautions).append(
             f"Whole patches of points lie {evidence.misfit_mm:.2f} mm (rms) off the model, which noise cannot do: "
             "another bone, a mirrored or poorly segmented model, or tissue taken for bone."
         )
-    if not evidence.sure:
+    if not evidence.confident:
         cautions.append("The search reached this pose only once: a better one may have been missed; give landmarks.")
-    _judge_size("rotation", 2.0 * evidence.rotation_sd_deg, tolerance.rotation_deg, "deg", fails, cautions)
-    for target in evidence.targets:
-        _judge_size(
-            f"error at {target.name}", target.p95_mm + target.bias_mm, tolerance.target_mm, "mm", fails, cautions
-        )
+    for predicted in _predicted(evidence, tolerance, settings):
+        if predicted.value > predicted.limit:
+            (fails if predicted.fails(settings) else cautions).append(predicted.sentence)
     if evidence.rivals:
         nearest = evidence.rivals[0]
         cautions.append(
@@ -101,11 +87,35 @@ def judge(evidence: Evidence, tolerance: Tolerance) -> tuple[Verdict, list[str]]
     ]
 
 
-def _judge_size(what: str, value: float, limit: float, unit: str, fails: list[str], cautions: list[str]) -> None:
-    if value <= limit:
-        return
-    if value > FREE[unit]:
-        fails.append(f"The points leave the {what} free: scan a region with more shape, or more of the bone.")
-        return
-    sentence = f"The predicted {what} reaches {value:.2f} {unit} (95 %), the limit is {limit:g} {unit}: scan more."
-    (fails if value > 2.0 * limit else cautions).append(sentence)
+@dataclass(frozen=True)
+class _Predicted:
+    """A predicted error (95 %) beside its limit; beyond `free`, nothing holds the motion."""
+
+    what: str
+    value: float
+    limit: float
+    unit: str
+    free: float
+
+    def fails(self, settings: TrustSettings) -> bool:
+        """Whether it is too large even for a caution."""
+        return self.value > self.free or self.value > settings.fail_factor * self.limit
+
+    @property
+    def sentence(self) -> str:
+        """What is wrong with it, and what to do."""
+        if self.value > self.free:
+            return f"The points leave the {self.what} free: scan a region with more shape, or more of the bone."
+        return (
+            f"The predicted {self.what} reaches {self.value:.2f} {self.unit} (95 %), the limit is {self.limit:g} "
+            f"{self.unit}: scan more."
+        )
+
+
+def _predicted(evidence: Evidence, tolerance: Tolerance, settings: TrustSettings) -> list[_Predicted]:
+    rotation_deg = settings.rotation_sds * evidence.rotation_sd_deg
+    errors = [_Predicted("rotation", rotation_deg, tolerance.rotation_deg, "deg", settings.free_rotation_deg)]
+    for target in evidence.targets:
+        value, what = target.p95_mm + target.bias_mm, f"error at {target.name}"
+        errors.append(_Predicted(what, value, tolerance.target_mm, "mm", settings.free_target_mm))
+    return errors

@@ -77,11 +77,13 @@ def test_a_folder_that_cannot_be_written_costs_a_warning(
 def test_a_view_made_for_a_start_is_kept(small: registration.Model, folder: Path) -> None:
     """The hemisphere is seen from its outer side."""
     model = registration.prepare_model(small.vertices, small.faces)
-    first = model.view_of(Place.of(np.array([0.0, 0.0, -15.0]), np.array([0.0, 0.0, -1.0]), 30.0))
+    first = model.view_of(Place.of(np.array([0.0, 0.0, -15.0]), np.array([0.0, 0.0, -1.0]), 30.0, model.settings.view))
     kept = files(folder)
     assert len(kept) == 2
     again = registration.prepare_model(small.vertices, small.faces)
-    second = again.view_of(Place.of(np.array([1.0, 0.0, -15.0]), np.array([0.05, 0.0, -1.0]), 30.0))
+    second = again.view_of(
+        Place.of(np.array([1.0, 0.0, -15.0]), np.array([0.05, 0.0, -1.0]), 30.0, model.settings.view)
+    )
     assert files(folder) == kept
     np.testing.assert_array_equal(first.fine.nodes, second.fine.nodes)
 

@@ -89,7 +89,7 @@ def test_a_cone_excludes_the_mirror_image_of_a_symmetric_body() -> None:
         assert all(rival.rotation_deg < 90.0 for rival in found.rivals), "the half turn lies outside the cone"
 
 
-def test_the_twin_is_told_where_no_cone_excludes_it() -> None:
+def test_the_symmetry_equivalent_pose_is_reported_where_no_cone_excludes_it() -> None:
     """What the last test shows to be excluded is there without a cone."""
     points, model, _ = seen_obliquely()
     found = registration.register(points, model)

@@ -13,8 +13,10 @@ from picoradar import registration
 from picoradar.registration.least_squares import information, plane_rows
 from picoradar.registration.robust import register_robust
 from picoradar.registration.scan import checked_scan
+from picoradar.registration.se3 import displacement_covariance
+from picoradar.registration.settings import RobustSettings
 from picoradar.registration.solution import Rival
-from picoradar.registration.trust import Asked
+from picoradar.registration.trust import RegistrationRequest
 from picoradar.registration.trust.assess import assess, pose_covariance
 from picoradar.registration.trust.covariance import (
     chi_square_quantile,
@@ -22,7 +24,6 @@ from picoradar.registration.trust.covariance import (
     patch_misfit_mm,
     quantile_mm,
     stiffness,
-    target_covariance,
 )
 
 
@@ -102,8 +103,8 @@ def test_predicted_tre_of_the_ellipsoid(region: Callable[[np.ndarray], np.ndarra
         points, normals = unit * axes, unit / axes
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         centre = points.mean(axis=0)
-        covariance = pose_covariance(information(plane_rows(points, normals, centre), np.full(300, 0.3)), 30.0)
-        values.append(np.sqrt(np.trace(target_covariance(covariance, centre, np.array([0.0, 0.0, 60.0])))))
+        covariance = pose_covariance(information(plane_rows(points, normals, centre), np.full(300, 0.3)), 30.0, 1e3)
+        values.append(np.sqrt(np.trace(displacement_covariance(covariance, np.array([0.0, 0.0, 60.0]) - centre))))
     assert np.mean(values) == pytest.approx(predicted, rel=0.15)
 
 
@@ -124,8 +125,8 @@ def test_patches_are_told_from_noise() -> None:
     noise = np.random.default_rng(0).normal(0.0, 0.4, 900)
     wave = 0.5 * np.sqrt(2.0) * np.sin(rows / 4.0)
     everything = np.ones(900, dtype=bool)
-    assert patch_misfit_mm(noise, everything, around) < 0.1
-    assert patch_misfit_mm(noise + wave, everything, around) == pytest.approx(0.5, rel=0.15)
+    assert patch_misfit_mm(noise, everything, around, 3) < 0.1
+    assert patch_misfit_mm(noise + wave, everything, around, 3) == pytest.approx(0.5, rel=0.15)
 
 
 @pytest.mark.parametrize("probability", [0.5, 0.9, 0.95, 0.999])
@@ -143,8 +144,8 @@ def test_a_rival_of_a_dense_scan_is_weighed_by_fewer_points(
 ) -> None:
     """Ten thousand points see the same clumps of tissue as fifteen hundred: 25 nats of them prove nothing."""
     scan = checked_scan(scan_of(socket, 0, n=100).points)
-    solved = register_robust(scan, socket, None, None, np.zeros((0, 4)))
-    beside = Rival(solved.model_from_scanner, solved.cost + nats / len(scan), 9.0, 0.1)
-    asked = Asked(targets=None, tolerance=registration.Tolerance(), range_bias_mm=0.1)
+    solved = register_robust(scan, socket, None, None, np.zeros((0, 4)), RobustSettings())
+    rival = Rival(solved.model_from_scanner, solved.cost + nats / len(scan), 9.0, 0.1)
+    request = RegistrationRequest(targets=None, tolerance=registration.Tolerance(), range_bias_mm=0.1)
     assert len(scan) > 5000
-    assert assess(scan, replace(solved, rivals=[beside]), asked, []).verdict == verdict
+    assert assess(scan, replace(solved, rivals=[rival]), request, [], RobustSettings()).verdict == verdict

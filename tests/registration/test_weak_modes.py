@@ -1,4 +1,4 @@
-"""Weakly held rotations: the finish begins again from both sides, and what it finds there counts as uncertainty."""
+"""Weakly held rotations: the beam fit begins again from both sides, and what it finds there counts as uncertainty."""
 
 from __future__ import annotations
 
@@ -10,15 +10,21 @@ import numpy as np
 import pytest
 
 from picoradar import registration
-from picoradar.registration.refine import Final, dispersion, ends_beside, exact_finish, walked
+from picoradar.registration.refine import BeamFit, BeamFitter, along_weak_mode, alternatives_of, dispersion
 from picoradar.registration.scan import NoiseModel, Scan, checked_scan
 from picoradar.registration.se3 import inverse, pose, rotation_angle_deg, rotation_from_vector
-from picoradar.registration.solution import End
+from picoradar.registration.settings import RobustSettings, WeakModeSettings
+from picoradar.registration.solution import Alternative
+
+WALK = WeakModeSettings()
 
 
-def finisher(scan: Scan, model: registration.Model) -> Callable[[np.ndarray], Final]:
+def fitting(scan: Scan, model: registration.Model) -> Callable[[np.ndarray], BeamFit]:
     everywhere = np.ones(len(scan), dtype=np.bool_)
-    return lambda start: exact_finish(scan, model.surface, start, NoiseModel(0.35), scan.around, everywhere)
+    settings = RobustSettings()
+    noise = NoiseModel.of(0.35, settings.noise)
+    fitter = BeamFitter(scan, model.surface, noise, scan.around, noise_known=False, settings=settings)
+    return lambda start: fitter.fit(start, everywhere)
 
 
 def part_of(scan: Any, radius_mm: float) -> np.ndarray:
@@ -29,39 +35,39 @@ def part_of(scan: Any, radius_mm: float) -> np.ndarray:
 
 def test_a_rotation_that_is_held_well_is_left_alone(socket: registration.Model, scan_of: Callable[..., Any]) -> None:
     scan = checked_scan(scan_of(socket, 0).points)
-    finished = finisher(scan, socket)
-    final = finished(scan_of(socket, 0).truth)
-    assert walked(final, scan, finished) == [final]
+    fitted = fitting(scan, socket)
+    best = fitted(scan_of(socket, 0).truth)
+    assert along_weak_mode(best, scan, fitted, WALK) == [best]
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_weak_one_is_finished_from_both_sides(
+def test_a_weak_one_is_fitted_from_both_sides(
     socket: registration.Model, scan_of: Callable[..., Any], seed: int
 ) -> None:
     seen = scan_of(socket, 60 + seed)
     scan = checked_scan(seen.points[part_of(seen, 11.0)])
-    finished = finisher(scan, socket)
+    fitted = fitting(scan, socket)
     begun: list[np.ndarray] = []
-    final = finished(seen.truth)
-    ends = walked(final, scan, lambda start: begun.append(start) or finished(start))
-    assert ends[0] is final
+    best = fitted(seen.truth)
+    ends = along_weak_mode(best, scan, lambda start: begun.append(start) or fitted(start), WALK)
+    assert ends[0] is best
     assert len(ends) == 3
-    first, second = (start @ inverse(final.model_from_scanner) for start in begun)
+    first, second = (start @ inverse(best.model_from_scanner) for start in begun)
     assert 0.5 < rotation_angle_deg(first[:3, :3]) < 12.0, "two standard deviations of a weak rotation"
     np.testing.assert_allclose(first[:3, :3] @ second[:3, :3], np.eye(3), atol=1e-9, err_msg="to either side")
     found = registration.register(scan.points, socket, start=seen.truth)
-    best = max(ends, key=lambda end: end.log_likelihood)
-    assert -found.cost >= best.log_likelihood - 2.0 / len(scan), "the likeliest end is what is returned"
+    likeliest = max(ends, key=lambda end: end.log_likelihood)
+    assert -found.cost >= likeliest.log_likelihood - 2.0 / len(scan), "the likeliest end is what is returned"
 
 
-def test_ends_beside_spread_the_covariance() -> None:
+def test_alternatives_spread_the_covariance() -> None:
     best = pose(rotation_from_vector(np.array([0.2, 0.1, -0.4])), np.array([10.0, -5.0, 900.0]))
     centre = np.array([3.0, 2.0, 1.0])
     turn, shift = np.array([0.02, 0.0, -0.01]), np.array([0.1, -0.3, 0.2])
 
-    def end(sign: float, weight: float) -> End:
+    def end(sign: float, weight: float) -> Alternative:
         rotation = rotation_from_vector(sign * turn)
-        return End(pose(rotation, centre + sign * shift - rotation @ centre) @ best, weight)
+        return Alternative(pose(rotation, centre + sign * shift - rotation @ centre) @ best, weight)
 
     assert not dispersion(best, [], centre).any()
     motion = np.concatenate([turn, shift])
@@ -72,8 +78,8 @@ def test_ends_beside_spread_the_covariance() -> None:
 
 def test_ends_are_weighted_by_their_likelihood(socket: registration.Model, scan_of: Callable[..., Any]) -> None:
     scan = checked_scan(scan_of(socket, 0, n=20).points)
-    best = finisher(scan, socket)(scan_of(socket, 0, n=20).truth)
+    best = fitting(scan, socket)(scan_of(socket, 0, n=20).truth)
     worse = replace(best, log_likelihood=best.log_likelihood - 5.0 / len(scan))
     impossible = replace(best, log_likelihood=-np.inf)
-    weights = [end.weight for end in ends_beside(best, [worse, best, impossible], len(scan))]
+    weights = [end.weight for end in alternatives_of(best, [worse, best, impossible], len(scan), WALK)]
     np.testing.assert_allclose(weights, [np.exp(-1.0), 0.0])

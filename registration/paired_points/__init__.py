@@ -1,0 +1,7 @@
+"""Registration of paired points: closed forms, scalar weights, full covariances, and the error predicted at targets."""
+
+from picoradar.registration.paired_points.closed_form import horn, svd
+from picoradar.registration.paired_points.solve import PairedPoints, paired_points
+from picoradar.registration.paired_points.weighted import parameter_covariance
+
+__all__ = ["PairedPoints", "horn", "paired_points", "parameter_covariance", "svd"]
