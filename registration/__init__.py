@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from picoradar.registration.classic import DissertationSettings
 from picoradar.registration.errors import DegenerateError, MeshError, PointsError, RegistrationError, StartError
-from picoradar.registration.measures import pose_error, residual_measures
 from picoradar.registration.model import Model, load_model, prepare_model
 from picoradar.registration.paired_points import PairedPoints, paired_points
 from picoradar.registration.register import check_targets, register
 from picoradar.registration.search import Cone, Landmarks
 from picoradar.registration.settings import PreparationSettings, RobustSettings
-from picoradar.registration.solution import Rival
+from picoradar.registration.solution import Rival, pose_error, residual_measures
 from picoradar.registration.trust import Registration, Target, Tolerance
 
 __all__ = [

@@ -42,34 +42,41 @@ def register(
     tolerance: Tolerance | None = None,
     settings: RobustSettings | DissertationSettings | None = None,
 ) -> Registration:
-    """Register measured points (N, 3) mm, scanner frame, N at least 6, to a model.
+    """Register measured points to a model.
 
     Parameters
     ----------
+    points : (N, 3) array
+        Scanner frame, mm, N at least 6.
+    model : Model
+        From :func:`registration.prepare_model` or :func:`registration.load_model`.
     start : "any", Cone or dict, (4, 4) array, Landmarks or list of dicts
-        Anywhere; anywhere that the scanner looks from within a cone ``{"towards": [x, y, z], "half_angle_deg": a}``
-        (from the model to the scanner, model frame, any roll); a pose `model_from_scanner`; or landmark pairs
-        ``{"scanner": [x, y, z], "model": [x, y, z], "name": ...}``.
+        Where to start: anywhere; anywhere that the scanner looks from within a cone of directions
+        ``{"towards": [x, y, z], "half_angle_deg": a}`` (from the model to the scanner, model frame, any roll); from a
+        pose `model_from_scanner`; or from landmark pairs ``{"scanner": [x, y, z], "model": [x, y, z], "name": ...}``.
     origin : (3,) array
         Where the beams came from, scanner frame, mm.
-    covariance : (N, 3, 3) array of the points, optional
+    covariance : (N, 3, 3) array, optional
+        Of the points, mm^2.
     response_mv : (N,) array, optional
         Amplitude of each echo at the photodiode. Points darker than bone take no part at the end, and without
         `covariance` weak echoes count for less.
-    grid : (N, 2) array of int, raster row and column of each point, optional
+    grid : (N, 2) array of int, optional
+        Raster row and column of each point.
     method : {"robust", "dissertation"}
-        "dissertation" is the ICP of its section 3.3, with outlier elimination and minima suppression; it needs a start.
-    targets : (M, 3) array or list of dicts with "position" and "name", optional
-        Points of the model frame where the error matters, mm.
+        "dissertation" is the ICP of its section 3.3 with outlier elimination and minima suppression; it needs a start.
+    targets : (M, 3) array or list of dicts, optional
+        Points of the model frame where the error matters, mm; dicts hold "position" and "name".
     noise_mm : float, optional
-        Range noise of a point, 0.001 to 100 mm; estimated when not given.
+        Range noise of a point, 0.001 to 100 mm; estimated from the residuals when not given.
     range_bias_mm : float
         Common range error to budget for at the targets.
-    exclude : list of ``{"center": [x, y, z], "radius_mm": r}``, model frame, optional
-        Regions of the model that take no part.
+    exclude : list of dicts, optional
+        Regions of the model that take no part: ``{"center": [x, y, z], "radius_mm": r}``, model frame.
     tolerance : Tolerance, optional
         Limits of the verdict, 1 deg and 1 mm when not given.
-    settings : RobustSettings or DissertationSettings, that of the method, optional
+    settings : RobustSettings or DissertationSettings, optional
+        Parameters of the method.
 
     Raises
     ------

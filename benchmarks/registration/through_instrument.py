@@ -29,8 +29,8 @@ from synthetic_scans import facing_pose  # noqa: E402
 
 from picoradar.registration import Model, pose_error, prepare_model, register  # noqa: E402
 from picoradar.registration.least_squares import plane_rows  # noqa: E402
-from picoradar.registration.measures import PoseError  # noqa: E402
 from picoradar.registration.se3 import inverse, pose, rotation_from_vector, transform  # noqa: E402
+from picoradar.registration.solution import PoseError  # noqa: E402
 from picoradar.sim import SimulatedBench  # noqa: E402
 from picoradar.sim.physics import (  # noqa: E402
     BONE_WET,

@@ -13,7 +13,7 @@ from picoradar.instrument.report.style import ACCENT, CLASSES, INK, LIMITS_MM, S
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from picoradar.registration.measures import Iteration
+    from picoradar.registration.solution import Iteration
 
 _LINEAR_SPAN = 20.0  # largest over smallest residual that a linear axis still shows well
 

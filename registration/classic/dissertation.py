@@ -8,12 +8,11 @@ import numpy as np
 
 from picoradar.registration._types import BoolArray, FloatArray
 from picoradar.registration.classic.icp import IcpResult, icp
-from picoradar.registration.measures import Iteration
 from picoradar.registration.model import Model, Surface, visible_shell
 from picoradar.registration.scan import NoiseModel, Scan, estimated_range_noise
 from picoradar.registration.se3 import pose, rotation_from_vector, transform
 from picoradar.registration.settings import NoiseSettings
-from picoradar.registration.solution import Solution
+from picoradar.registration.solution import Iteration, Solution
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,10 @@ import numpy as np
 
 from picoradar.registration._types import FloatArray
 from picoradar.registration.classic.acceleration import Accelerator
-from picoradar.registration.measures import Iteration, residual_measures
 from picoradar.registration.model import Surface
 from picoradar.registration.paired_points import horn
 from picoradar.registration.se3 import transform
+from picoradar.registration.solution import Iteration, residual_measures
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from picoradar.registration._types import BoolArray, FloatArray, Neighbours
-from picoradar.registration.measures import Iteration, residual_measures
 from picoradar.registration.model import Closest, Surface
 from picoradar.registration.refine.cast_beams import CastBeams
 from picoradar.registration.scan import NoiseModel, Scan, estimated_range_noise
 from picoradar.registration.se3 import orthonormalised, small_motion, transform
 from picoradar.registration.settings import BeamFitSettings, RobustSettings
+from picoradar.registration.solution import Iteration, residual_measures
 
 MIN_INLIERS = 6
 """A rigid pose has six unknowns."""

@@ -15,12 +15,11 @@ import numpy.typing as npt
 from picoradar.registration._types import BoolArray, FloatArray
 from picoradar.registration.errors import RegistrationError
 from picoradar.registration.least_squares import information, plane_rows
-from picoradar.registration.measures import residual_measures
 from picoradar.registration.refine import dispersion
 from picoradar.registration.scan import MIN_POINTS, Scan
 from picoradar.registration.se3 import displacement_covariance, transform
 from picoradar.registration.settings import RobustSettings
-from picoradar.registration.solution import Solution
+from picoradar.registration.solution import Solution, residual_measures
 from picoradar.registration.trust.covariance import (
     Stiffness,
     Target,

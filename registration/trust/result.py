@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from picoradar.registration._types import BoolArray, FloatArray
-from picoradar.registration.measures import Iteration
-from picoradar.registration.solution import Rival
+from picoradar.registration.solution import Iteration, Rival
 from picoradar.registration.trust.covariance import Target
 
 Verdict = Literal["pass", "caution", "fail"]
@@ -36,7 +35,7 @@ class Registration:
     residuals : (N,) array
         Signed distances to the model in mm, positive outside bone (towards the scanner).
     rms_mm, mean_mm, max_mm, nlse : float
-        Measures of S 3.4.1 of the dissertation over the inliers.
+        Measures of section 3.4.1 of the dissertation over the inliers.
     targets : list of Target
     predicted_rotation_deg : float
         Root mean square rotation error predicted (total over three axes), 180 at most.

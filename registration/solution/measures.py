@@ -1,4 +1,4 @@
-"""The measures of S 3.4.1 of the dissertation, with and without a known truth."""
+"""The measures of section 3.4.1 of the dissertation, with and without a known truth."""
 
 from __future__ import annotations
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from picoradar.registration._types import BoolArray, FloatArray, Neighbours
-from picoradar.registration.measures import Iteration
 from picoradar.registration.model import Closest
 from picoradar.registration.scan import NoiseModel
+from picoradar.registration.solution.measures import Iteration
 
 
 @dataclass(frozen=True)
