@@ -70,8 +70,8 @@ def damped_step(
     (..., 6) array
         Rotation vector (rad) and translation (mm).
     """
-    matrix = np.array(normal, dtype=np.float64)
-    diagonal = np.einsum("...ii->...i", matrix)
+    matrix = np.array(normal, order="C")
+    diagonal = matrix.reshape(*matrix.shape[:-2], 36)[..., ::7]  # a view
     diagonal += damping * diagonal + ridge
     return np.asarray(-np.linalg.solve(matrix, gradient[..., None])[..., 0], dtype=np.float64)
 

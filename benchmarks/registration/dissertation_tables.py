@@ -29,7 +29,7 @@ ABOUT_X = np.array([1.0, 0.0, 0.0])
 
 
 def prism() -> tuple[np.ndarray, np.ndarray]:
-    """Two sloping faces over a 40 x 40 mm base, ridge 40 mm high along x: 3321 points, 41 x 81 (S 4.1.1)."""
+    """Two sloping faces over a 40 x 40 mm base, ridge 40 mm high along x: 3321 points, 41 x 81 (section 4.1.1)."""
     along_ridge, across = np.meshgrid(np.linspace(-20, 20, 41), np.linspace(-20, 20, 81), indexing="ij")
     vertices = np.stack([along_ridge.ravel(), across.ravel(), 40.0 - 2.0 * np.abs(across).ravel()], axis=1)
     a = (np.arange(40)[:, None] * 81 + np.arange(80)).ravel()
@@ -111,7 +111,7 @@ def least_squares_deg(scan: BenchScan, model: Model, truth: np.ndarray, share: f
 
 
 def clinical_noise(scan: BenchScan, share: float, size_mm: float, seed: int) -> np.ndarray:
-    """Gaussian noise of `size_mm` on a random share of the points (S 3.4.2, S 4.3.1)."""
+    """Gaussian noise of `size_mm` on a random share of the points (sections 3.4.2 and 4.3.1)."""
     rng = np.random.default_rng(seed)
     points = scan.cloud.points_mm.copy()
     hit = rng.permutation(len(points))[: round(share * len(points))]
@@ -120,7 +120,7 @@ def clinical_noise(scan: BenchScan, share: float, size_mm: float, seed: int) -> 
 
 
 def without_rim(scan: BenchScan, axis: np.ndarray, centre: np.ndarray, share: float) -> np.ndarray:
-    """Points (N,) that are left when a share is taken away from the rim inwards (S 4.3.2)."""
+    """Points (N,) that are left when a share is taken away from the rim inwards (section 4.3.2)."""
     offset = scan.in_model() - centre
     lateral = np.linalg.norm(offset - np.outer(offset @ axis, axis), axis=1)
     return np.asarray(lateral <= np.quantile(lateral, 1.0 - share))

@@ -16,7 +16,7 @@ WINDOW_MM = 33.0
 """Radius of the disc that is scanned about the socket's axis."""
 
 COVERAGE = 0.71
-"""Share of the disc that is seen (S 5.3 of the dissertation); the rest is cut away along a line."""
+"""Share of the disc that is seen (section 5.3 of the dissertation); the rest is cut away along a line."""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ MAX_JUMP = 25.0
 
 @dataclass
 class Accelerator:
-    """Watches the poses of an ICP run and proposes jumps.
+    """Follows the poses of an ICP run and proposes jumps.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Accelerator:
         self.errors.append(error)
 
     def forget(self) -> None:
-        """Start watching anew, after a jump."""
+        """Begin again, after a jump."""
         self.vectors, self.errors = self.vectors[-1:], self.errors[-1:]
 
     def proposal(self) -> FloatArray | None:
@@ -68,18 +68,22 @@ class Accelerator:
         return None if jump is None else self._pose(q[3] + jump * steps[2] / sizes[2])
 
     @staticmethod
-    def _length(v: FloatArray, errors: FloatArray, most: float) -> float | None:
+    def _length(v: FloatArray, errors: FloatArray, max_length: float) -> float | None:
         """Length of the jump from a line and a parabola through the last errors."""
         slope, offset = np.polyfit(v, errors, 1)
         a, b, _ = np.polyfit(v, errors, 2)
         line = -offset / slope if slope != 0.0 else np.inf
         parabola = -b / (2.0 * a) if a != 0.0 else np.inf
-        if 0.0 < parabola < line < most or 0.0 < parabola < most < line:
+        if 0.0 < parabola < line < max_length or 0.0 < parabola < max_length < line:
             return float(parabola)
-        if 0.0 < line < parabola < most or 0.0 < line < most < parabola or (parabola < 0.0 < line < most):
+        if (
+            0.0 < line < parabola < max_length
+            or 0.0 < line < max_length < parabola
+            or (parabola < 0.0 < line < max_length)
+        ):
             return float(line)
-        if line > most and parabola > most:
-            return most
+        if line > max_length and parabola > max_length:
+            return max_length
         return None
 
     def _pose(self, vector: FloatArray) -> FloatArray:

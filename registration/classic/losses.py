@@ -85,19 +85,19 @@ class SelfTrimmed:
     ----------
     preference : float
         How strongly large shares are preferred; 2 in the paper of Chetverikov et al.
-    least : float
+    min_share : float
         Smallest share that is tried.
     """
 
     preference: float = 2.0
-    least: float = 0.3
+    min_share: float = 0.3
 
     def weights(self, residuals_mm: FloatArray) -> FloatArray:
         """Weights (N,) of the squared residuals (N,), 0 or 1."""
         squared = np.sort(residuals_mm**2)
         count = np.arange(1, len(squared) + 1)
         objective = np.cumsum(squared) / count / (count / len(squared)) ** (1.0 + self.preference)
-        first = min(len(squared), max(UNKNOWNS, int(self.least * len(squared)))) - 1
+        first = min(len(squared), max(UNKNOWNS, int(self.min_share * len(squared)))) - 1
         limit = squared[first + int(np.argmin(objective[first:]))]
         return np.asarray(residuals_mm**2 <= limit, dtype=np.float64)
 

@@ -4,7 +4,7 @@ In the folder named by the environment variable ``PICORADAR_CACHE``, else in the
 lies ``registration-v<version>-<digest>.npz`` for each model, with the mesh and the fields of its likeliest view; one
 more for the fields of any other view that was ever needed; and a small one for each mesh file that was read, with the
 digest of the mesh in it. A file is written under another name and then renamed, so that readers never see half of it;
-one that cannot be read is made anew.
+one that cannot be read is prepared again.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ def _read(key: str, taken: Callable[[Mapping[str, Any]], T]) -> T | None:
         with zipfile.ZipFile(_path(key)) as stored:
             return taken({Path(name).stem: _array(stored.read(name)) for name in stored.namelist()})
     except (*DAMAGED, OSError):
-        return None  # absent, or a damaged or foreign file: the caller prepares anew and replaces it
+        return None  # absent, or a damaged or foreign file: the caller prepares it again and replaces it
 
 
 def _array(member: bytes) -> npt.NDArray[Any]:

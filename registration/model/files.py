@@ -57,7 +57,7 @@ def load_model(path: str | os.PathLike[str]) -> Model:
         raise MeshError(f"{file}: {error}") from error
     if (
         cache.key_of_file(file) == file_key
-    ):  # else it was written anew meanwhile, and which of both was read is not known
+    ):  # else it was written again meanwhile, and which of both was read is not known
         cache.store_key(file_key, model.key)
     return model
 
@@ -90,11 +90,11 @@ def _check_stl(file: Path) -> None:
         head = opened.read(84)
     if size == 0 or head[:5].lower() == b"solid":
         return  # nothing, or text (a binary file may begin so, too): the reader tells
-    told = int.from_bytes(head[80:84], "little")
-    if len(head) < 84 or size != 84 + 50 * told:
+    stated = int.from_bytes(head[80:84], "little")
+    if len(head) < 84 or size != 84 + 50 * stated:
         held = max(0, (size - 84) // 50)
         raise MeshError(
-            f"{file}: no readable mesh: its header says {told} triangles, the file has room for {held}; "
+            f"{file}: no readable mesh: its header says {stated} triangles, the file has room for {held}; "
             "it is truncated or no STL; export it again"
         )
 

@@ -59,7 +59,7 @@ def find_sockets(surface: Surface, settings: HollowSettings) -> list[Socket]:
 
 @dataclass(frozen=True)
 class _Faces:
-    """Middles (F, 3) mm, unit normals (F, 3) and areas (F,) mm^2 of the faces that are asked."""
+    """Middles (F, 3) mm, unit normals (F, 3) and areas (F,) mm^2 of the faces that vote."""
 
     middles: FloatArray
     normals: FloatArray
@@ -75,7 +75,7 @@ class _Faces:
 
 def _peaks(faces: _Faces, settings: HollowSettings) -> list[tuple[FloatArray, float]]:
     """Centres (3,) and radii with the most votes."""
-    cell_mm, most_taken = settings.cell_mm, settings.peaks_per_radius
+    cell_mm, taken = settings.cell_mm, settings.peaks_per_radius
     radii_mm = np.arange(
         settings.min_radius_mm, settings.max_radius_mm + settings.radius_step_mm / 2.0, settings.radius_step_mm
     )
@@ -86,8 +86,8 @@ def _peaks(faces: _Faces, settings: HollowSettings) -> list[tuple[FloatArray, fl
         cell = ((faces.middles + radius * faces.normals - low) / cell_mm).astype(np.int64)
         flat = (cell[:, 0] * shape[1] + cell[:, 1]) * shape[2] + cell[:, 2]
         votes = np.bincount(flat, weights=faces.areas, minlength=int(shape.prod()))
-        most = np.argpartition(-votes, most_taken)[:most_taken]
-        for place in most[np.argsort(-votes[most], kind="stable")]:
+        fullest = np.argpartition(-votes, taken)[:taken]
+        for place in fullest[np.argsort(-votes[fullest], kind="stable")]:
             where = np.array(np.unravel_index(int(place), tuple(shape)), dtype=np.float64)
             peaks.append((float(votes[place] / radius**2), low + (where + 0.5) * cell_mm, float(radius)))
     chosen: list[tuple[FloatArray, float]] = []

@@ -1,4 +1,4 @@
-"""Validation and repair of a triangle mesh: what was found, what was mended, and what is refused."""
+"""Validation and repair of a triangle mesh: what was found, what was repaired, and what is refused."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from picoradar.registration.errors import MeshError
 
 @dataclass(frozen=True)
 class MeshReport:
-    """What validation found and mended.
+    """What validation found and repaired.
 
     Attributes
     ----------

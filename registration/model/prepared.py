@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from picoradar.registration._types import FloatArray, IntArray
 from picoradar.registration.model import cache
+from picoradar.registration.model.curvature import principal_curvatures
 from picoradar.registration.model.mesh import MeshReport, validated
 from picoradar.registration.model.surface import Closest, Surface
 from picoradar.registration.model.views import Place, View, find_views, start_view, view_at
@@ -64,11 +65,11 @@ class Model:
 
     @cached_property
     def curvatures(self) -> FloatArray:
-        """Largest and smallest curvature (V, 2) in 1/mm, see :meth:`Surface.principal_curvatures`; kept on disk, too.
+        """Largest and smallest curvature (V, 2) in 1/mm, see `model.curvature`; kept on disk, too.
 
         For those who choose points or judge a model: the solvers take the surface itself, not its curvature.
         """
-        make = self.surface.principal_curvatures
+        make = partial(principal_curvatures, self.surface)
         return cache.kept_array(f"{self.key}-curvatures", make) if self.key else make()
 
     @property

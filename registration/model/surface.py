@@ -15,6 +15,9 @@ from picoradar.registration.model.rays import EmbreeRays, Rays, TreeRays, first_
 CAST_AT_ONCE = 32_000
 """Beams cast in one go: what one needs on the way is ten times what is kept of it."""
 
+ON_EDGE = 1e-9
+"""Share of a corner in a place on a face below which the place lies on the edge opposite."""
+
 TOUCHING_MM = 1e-6
 """Nearer than this the direction to the surface is rounding; the pseudonormal stands in."""
 
@@ -71,10 +74,14 @@ class Surface:
         """
         if self._given_border is not None:
             return self._given_border
-        pairs = np.sort(self.faces[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2), axis=1)
-        key = pairs[:, 0] * len(self.vertices) + pairs[:, 1]
-        _, edge, times = np.unique(key, return_inverse=True, return_counts=True)
+        _, edge, times = np.unique(self._edge_keys, return_inverse=True, return_counts=True)
         return np.asarray((times[edge] == 1).reshape(-1, 3))
+
+    @property
+    def _edge_keys(self) -> IntArray:
+        """A number (3 F,) for each edge, opposite each face's corners: the same in both faces that share it."""
+        pairs = np.sort(self.faces[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2), axis=1)
+        return np.asarray(pairs[:, 0] * len(self.vertices) + pairs[:, 1])
 
     @cached_property
     def _border_vertices(self) -> BoolArray:
@@ -186,9 +193,7 @@ class Surface:
     @cached_property
     def edge_normals(self) -> FloatArray:
         """Unit normals (F, 3, 3) of the edges opposite each face's corners, both neighbours' normals summed."""
-        pairs = np.sort(self.faces[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2), axis=1)
-        key = pairs[:, 0] * len(self.vertices) + pairs[:, 1]
-        _, edge = np.unique(key, return_inverse=True)
+        _, edge = np.unique(self._edge_keys, return_inverse=True)
         own = np.repeat(self.face_normals, 3, axis=0)
         total: FloatArray = np.zeros((int(edge.max()) + 1, 3))
         for axis in range(3):
@@ -198,25 +203,12 @@ class Surface:
 
     @cached_property
     def principal_frame(self) -> tuple[FloatArray, FloatArray]:
-        """Centroid (3,) mm of the area, and its principal axes, the columns of (3, 3), least extent first."""
+        """Centroid (3,) mm of the area, and its principal axes, the columns of (3, 3), smallest extent first."""
         middle = self.vertices[self.faces].mean(axis=1)
         share = self.face_areas / self.face_areas.sum()
         centroid = share @ middle
         local = middle - centroid
         return centroid, np.asarray(np.linalg.eigh((local * share[:, None]).T @ local)[1], dtype=np.float64)
-
-    def principal_curvatures(self) -> FloatArray:
-        """Largest and smallest curvature (V, 2) in 1/mm at each vertex, positive where the surface bulges outward.
-
-        From quadrics fitted to the neighbourhoods of five rings (libigl; Panozzo, Puppo, Rocca 2010). NaN at vertices
-        whose surroundings fix no quadric.
-        """
-        import igl
-
-        _, _, largest, smallest, failed = igl.principal_curvature(self.vertices, self.faces)
-        found = np.stack([largest, smallest], axis=1)
-        found[np.asarray(failed, dtype=np.int64)] = np.nan
-        return np.asarray(found, dtype=np.float64)
 
     def _pseudonormals(self, faces: IntArray, foot: FloatArray) -> FloatArray:
         normals = self.face_normals[faces].copy()
@@ -247,7 +239,7 @@ class Surface:
             edge = corners[:, (k + 2) % 3] - corners[:, (k + 1) % 3]
             across = np.cross(edge, foot - corners[:, (k + 1) % 3])
             share[:, k] = np.einsum("ij,ij->i", across, self.face_normals[faces]) / area
-        return share < 1e-9
+        return share < ON_EDGE
 
 
 def part(surface: Surface, keep: BoolArray) -> Surface:

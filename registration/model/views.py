@@ -21,7 +21,7 @@ from picoradar.registration.model.surface import Surface, part
 from picoradar.registration.model.visibility import visible_shell
 from picoradar.registration.settings import PreparationSettings, ViewSettings
 
-AIMS_OFF = "the start pose aims beside the model: no part of it is within reach of the points"
+OFF_MODEL = "the start pose aims beside the model: no part of it is within reach of the points"
 
 Fields = tuple[DistanceField, DistanceField]
 """A fine field and a coarse one."""
@@ -195,15 +195,15 @@ def _shell_fields(
     corners = surface.vertices[surface.faces]
     middle = corners.mean(axis=1)
     span = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
-    asked = np.linalg.norm(middle - centre, axis=1) < reach + margin + span
-    if not asked.any():
-        raise StartError(AIMS_OFF)
-    cropped = part(surface, asked)
+    within = np.linalg.norm(middle - centre, axis=1) < reach + margin + span
+    if not within.any():
+        raise StartError(OFF_MODEL)
+    cropped = part(surface, within)
     shell = visible_shell(surface, axis, settings.shell_cone_deg, only=cropped, min_cosine=settings.min_seen_cosine)
     shell = Surface(shell.vertices - centre, shell.faces, shell.border)
     low, high = np.maximum(shell.vertices.min(axis=0), -reach), np.minimum(shell.vertices.max(axis=0), reach)
     if (low > high).any():  # of large faces the middles may be near enough, and no corner on this side
-        raise StartError(AIMS_OFF)
+        raise StartError(OFF_MODEL)
     step, band = settings.field_step_mm, settings.field_band_mm
     return build_fields(shell, low - margin, high + margin, step_mm=step, band_mm=band)
 

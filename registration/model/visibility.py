@@ -40,11 +40,11 @@ def visible_faces(surface: Surface, to_scanner: FloatArray, whole: Surface, min_
     centres = surface.vertices[surface.faces].mean(axis=1) + OFF_FACE_MM * surface.face_normals
     seen = np.zeros(len(surface.faces), dtype=np.bool_)
     for direction in to_scanner:
-        ask = np.flatnonzero(~seen & (surface.face_normals @ direction > min_cosine))
-        if len(ask) == 0:
+        facing = np.flatnonzero(~seen & (surface.face_normals @ direction > min_cosine))
+        if len(facing) == 0:
             continue
-        distance = whole.first_hit(centres[ask], np.broadcast_to(direction, (len(ask), 3)))
-        seen[ask[np.isinf(distance)]] = True
+        distance = whole.first_hit(centres[facing], np.broadcast_to(direction, (len(facing), 3)))
+        seen[facing[np.isinf(distance)]] = True
     return seen
 
 
@@ -65,7 +65,7 @@ def visible_shell(
         Direction from the surface to the scanner.
     half_angle_deg : float
     only : Surface, optional
-        Part of `surface` that is asked for.
+        Part of `surface` that is wanted.
     min_cosine : float
         Faces seen flatter than this return no echo.
 
@@ -75,13 +75,13 @@ def visible_shell(
         If nothing can be seen from there.
     """
     axis = to_scanner / np.linalg.norm(to_scanner)
-    asked = only or surface
-    seen = visible_faces(asked, directions_in_cone(axis, half_angle_deg), surface, min_cosine)
+    wanted = only or surface
+    seen = visible_faces(wanted, directions_in_cone(axis, half_angle_deg), surface, min_cosine)
     if not seen.any():
         raise MeshError(
             "no face of the model faces the scanner: check the scanner's origin and whether the model is inside out"
         )
-    return part(asked, seen)
+    return part(wanted, seen)
 
 
 UNSEEN_SHARE = 1e-12
@@ -91,7 +91,7 @@ UNSEEN_SHARE = 1e-12
 def visible_centroids(surface: Surface, to_scanner: FloatArray, faces: int = 4000) -> FloatArray:
     """Centroids (K, 3) mm of what is seen from the directions `to_scanner` (K, 3), each face by its projected area.
 
-    What stands in front of what is not asked: good enough to place a scan of a whole object.
+    Occlusion is not considered: good enough to place a scan of a whole object.
     """
     stride = max(1, len(surface.faces) // faces)
     centres = surface.vertices[surface.faces[::stride]].mean(axis=1)

@@ -4,9 +4,10 @@ So that preoperative points, too, can be registered against a model's distance f
 
 References
 ----------
-Registration of post-build CT to laser scan vectors, S 3.3.2: intensities as a mixture of two normal distributions,
-fitted by expectation maximisation; the threshold lies where part and surroundings are equally probable, and the part's
-outermost voxels are the surface. Here it is interpolated between two voxels, and the threshold may lie halfway.
+Registration of post-build CT to laser scan vectors, section 3.3.2: intensities as a mixture of two normal
+distributions, fitted by expectation maximisation; the threshold lies where part and surroundings are equally
+probable, and the part's outermost voxels are the surface. Here it is interpolated between two voxels, and the
+threshold may lie halfway.
 """
 
 from __future__ import annotations
@@ -19,8 +20,14 @@ import numpy.typing as npt
 from picoradar.registration._types import FloatArray
 from picoradar.registration.errors import PointsError
 
+TINY = 1e-300
+"""Added to a density, whose logarithm or quotient is taken."""
+
 BINS = 512
-ROUNDS = 200
+"""Of the histogram that the mixture is fitted to."""
+
+MAX_ROUNDS, SETTLED_SHARE = 200, 1e-3
+"""Rounds of expectation maximisation at most, and the motion of the means, in bins, that ends them."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +54,7 @@ class TwoGaussians:
         """Intensity between the means where both are equally probable: the threshold of the source."""
         between = np.linspace(self.mean[0], self.mean[1], 1001)
         dark, bright = self.densities(between).T
-        return float(between[int(np.argmin(np.abs(np.log(dark + 1e-300) - np.log(bright + 1e-300))))])
+        return float(between[int(np.argmin(np.abs(np.log(dark + TINY) - np.log(bright + TINY))))])
 
     @property
     def halfway(self) -> float:
@@ -70,21 +77,21 @@ def two_gaussians(values: npt.ArrayLike) -> TwoGaussians:
     middle = (edges[1:] + edges[:-1]) / 2.0
     split = float(data.mean())
     low, high = data[data <= split], data[data > split]
-    least = float(edges[1] - edges[0])
+    smallest_sd = float(edges[1] - edges[0])
     found = TwoGaussians(
         share=np.array([low.size, high.size]) / data.size,
         mean=np.array([low.mean(), high.mean()]),
-        sd=np.maximum([low.std(), high.std()], least),
+        sd=np.maximum([low.std(), high.std()], smallest_sd),
     )
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         density = found.densities(middle)
-        weight = count[:, None] * density / np.maximum(density.sum(axis=1, keepdims=True), 1e-300)
+        weight = count[:, None] * density / np.maximum(density.sum(axis=1, keepdims=True), TINY)
         total = weight.sum(axis=0)
         mean = middle @ weight / total
         variance = ((middle[:, None] - mean) ** 2 * weight).sum(axis=0) / total
         moved = float(np.abs(mean - found.mean).max())
-        found = TwoGaussians(total / data.size, mean, np.maximum(np.sqrt(variance), least))
-        if moved < 1e-3 * least:
+        found = TwoGaussians(total / data.size, mean, np.maximum(np.sqrt(variance), smallest_sd))
+        if moved < SETTLED_SHARE * smallest_sd:
             break
     return found
 

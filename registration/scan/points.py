@@ -12,7 +12,7 @@ from picoradar.registration._types import BoolArray, FloatArray, IntArray, Neigh
 from picoradar.registration.errors import DegenerateError, PointsError
 from picoradar.registration.scan.raster import checked_grid, found_grid, neighbours, thinned
 
-LEAST_COMMON = 0.05
+MIN_COMMON_LENGTH = 0.05
 """Length of the mean of all beams below which they have no common direction."""
 
 MIN_POINTS = 6
@@ -161,7 +161,7 @@ def checked_scan(
             raise PointsError(f"grid has shape {g.shape} and type {g.dtype}: give whole numbers ({len(p)}, 2)")
         places = checked_grid(g.astype(np.int64))
     beams = offset / distance[:, None]
-    if np.linalg.norm(beams.mean(axis=0)) < LEAST_COMMON:
+    if np.linalg.norm(beams.mean(axis=0)) < MIN_COMMON_LENGTH:
         raise PointsError(f"the beams go to all sides: the scanner's origin {o.tolist()} lies within the cloud")
     checked_covariance = None
     if covariance is not None:

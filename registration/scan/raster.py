@@ -17,26 +17,40 @@ ANCHORS = 7
 """Points whose surroundings show the steps of a raster."""
 
 GROWTH = 8
-"""The fit of a lattice grows by this factor, from `FIRST_REACH` steps about its middle."""
+"""The fit of a lattice grows by this factor each time."""
 
 FIRST_REACH = 3
+"""Steps about the middle of a lattice that its first fit reaches."""
 
-OFF_LATTICE = 0.3
+MAX_OFF_LATTICE = 0.3
 """Beams farther than this share of a step from their place are no raster."""
 
-LEAST_AHEAD = 0.1
+MIN_AHEAD = 0.1
 """Smallest cosine between a beam and the mean of all."""
 
-SPARSE = 16
+MAX_SPARSITY = 16
 """A raster with more places for each point than this is none."""
 
-NEAR = 2.3
+MAX_SPACINGS = 2.3
 """Of the eight nearest points, those within so many typical spacings are neighbours."""
 
-MOST_PLACES = 10_000_000
-"""Places of a raster that are looked after however few points there are."""
+MAX_PLACES, MAX_GIVEN_SPARSITY = 10_000_000, 64
+"""A given raster may have so many places, or so many for each point: tables of that size are made."""
+
+MIN_ACROSS, MIN_LENGTH = 0.5, 0.5
+"""The second step of a lattice makes at least 30 deg (its sine) with the first, and is at least half as long."""
+
+MIN_SINE, MAX_CONDITION = 1e-3, 1e12
+"""Steps more parallel than this, or a fit worse conditioned, span no lattice."""
+
+SINGULAR = 0.5
+"""Normal matrices of whole numbers have whole determinants: below this they are nil."""
+
+MIN_EVENNESS, MAX_EVENNESS = 0.5, 1.5
+"""A coarser lattice holds this share of the points that it should, or it is not even."""
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
+"""Slant of the coarser lattice: the ratio that is hardest to approach by whole numbers spreads it most evenly."""
 
 
 def neighbours(beams: FloatArray, grid: IntArray | None) -> Neighbours:
@@ -69,16 +83,16 @@ def found_grid(beams: FloatArray) -> IntArray | None:
         near = np.flatnonzero(farthest <= reach)
         rows = np.vstack([grid[:, near], np.ones(len(near))])
         normal = rows @ rows.T
-        if np.linalg.cond(normal) > 1e12:
+        if np.linalg.cond(normal) > MAX_CONDITION:
             return None
         solution = np.linalg.solve(normal, rows @ place[:, near].T)
         steps, first = solution[:2].T, solution[2]
-        if abs(np.linalg.det(steps)) < 1e-3 * (steps**2).sum():
+        if abs(np.linalg.det(steps)) < MIN_SINE * (steps**2).sum():
             return None
         reach, covered = reach * GROWTH, len(near) == len(beams)
     grid -= grid.min(axis=1)[:, None]
     rows_and_columns = grid.max(axis=1) + 1.0
-    if np.abs(at - np.rint(at)).max() > OFF_LATTICE or rows_and_columns.prod() > SPARSE * len(beams):
+    if np.abs(at - np.rint(at)).max() > MAX_OFF_LATTICE or rows_and_columns.prod() > MAX_SPARSITY * len(beams):
         return None
     found = grid.astype(np.int64)
     taken = np.bincount(found[0] * int(rows_and_columns[1]) + found[1])
@@ -96,7 +110,7 @@ def checked_grid(grid: IntArray) -> IntArray:
     place = grid - grid.min(axis=0)
     place //= np.maximum(np.gcd.reduce(place, axis=0), 1)
     rows, columns = (int(n) + 1 for n in place.max(axis=0))
-    if rows * columns > max(MOST_PLACES, 64 * len(grid)) or place.min() < 0:
+    if rows * columns > max(MAX_PLACES, MAX_GIVEN_SPARSITY * len(grid)) or place.min() < 0:
         raise PointsError(
             f"grid spans {rows} rows and {columns} columns for {len(grid)} points: give their places in the raster, "
             "counted in steps, or leave it out"
@@ -123,7 +137,7 @@ def thinned(grid: IntArray, every: int) -> tuple[IntArray, IntArray] | None:
     """
     slant = max(1, round(GOLDEN * every)) % every
     chosen = np.flatnonzero((grid[:, 0] + slant * grid[:, 1]) % every == 0)
-    if not 0.5 < len(chosen) * every / len(grid) < 1.5:
+    if not MIN_EVENNESS < len(chosen) * every / len(grid) < MAX_EVENNESS:
         return None
     steps = _reduced(np.array([every, 0]), np.array([-slant, 1]))
     coarse = np.rint(grid[chosen] @ np.linalg.inv(steps.astype(np.float64))).astype(np.int64)
@@ -145,10 +159,10 @@ def _flat(beams: FloatArray) -> FloatArray | None:
     """Places (2, N) of the beams on a plane across their mean; None where some hardly go that way."""
     mean = beams.mean(axis=0)
     length = float(np.linalg.norm(mean))
-    if length < LEAST_AHEAD:
+    if length < MIN_AHEAD:
         return None
     x, y, ahead = frame_about(mean / length).T @ beams.T
-    return np.stack([x / ahead, y / ahead]) if ahead.min() > LEAST_AHEAD else None
+    return np.stack([x / ahead, y / ahead]) if ahead.min() > MIN_AHEAD else None
 
 
 def _steps(place: FloatArray) -> FloatArray | None:
@@ -170,8 +184,8 @@ def _steps(place: FloatArray) -> FloatArray | None:
     typical = int(np.argsort(square.min(axis=1), kind="stable")[ANCHORS // 2])
     step = between[typical, :, int(np.argmin(square[typical]))]
     shortest = float(step @ step)
-    across = np.abs(between[:, 0] * step[1] - between[:, 1] * step[0]) > 0.5 * np.sqrt(shortest * square)
-    across &= square > 0.25 * shortest
+    across = np.abs(between[:, 0] * step[1] - between[:, 1] * step[0]) > MIN_ACROSS * np.sqrt(shortest * square)
+    across &= square > MIN_LENGTH**2 * shortest
     if not across.any():
         return None
     other, which = np.unravel_index(int(np.argmin(np.where(across, square, np.inf))), square.shape)
@@ -183,7 +197,7 @@ def _averaged(steps: FloatArray, between: FloatArray) -> FloatArray | None:
     multiple = np.rint(np.linalg.solve(steps, between))
     multiple[:, np.abs(multiple).max(axis=0) > 1.0] = 0.0
     normal = multiple @ multiple.T
-    if np.linalg.det(normal) < 0.5:
+    if np.linalg.det(normal) < SINGULAR:
         return None
     return np.asarray(np.linalg.solve(normal, multiple @ between.T).T, dtype=np.float64)
 
@@ -206,5 +220,5 @@ def _nearest(beams: FloatArray) -> Neighbours:
 
     query = cKDTree(beams).query(beams, min(9, len(beams)))
     distance, index = np.asarray(query[0]), np.asarray(query[1], dtype=np.int32)
-    reach = NEAR * float(np.median(distance[:, 1]))
+    reach = MAX_SPACINGS * float(np.median(distance[:, 1]))
     return np.where(distance[:, 1:] <= reach, index[:, 1:], np.int32(len(beams)))

@@ -12,6 +12,9 @@ from picoradar.registration._types import BoolArray, FloatArray
 from picoradar.registration.errors import StartError
 from picoradar.registration.search.rotations import rotations_in_cone
 
+ROUNDING = 1e-12
+"""Of a cosine: a direction on the border lies inside."""
+
 
 @dataclass(frozen=True, eq=False)
 class Cone:
@@ -62,8 +65,8 @@ class Cone:
 
     def holds(self, directions: FloatArray, margin_deg: float = 0.0) -> BoolArray:
         """Which of the unit `directions` (N, 3) lie in the cone widened by `margin_deg`."""
-        least = np.cos(np.radians(min(180.0, self.half_angle_deg + margin_deg)))
-        return np.asarray(directions @ self.towards >= least - 1e-12)
+        min_cosine = np.cos(np.radians(min(180.0, self.half_angle_deg + margin_deg)))
+        return np.asarray(directions @ self.towards >= min_cosine - ROUNDING)
 
 
 ANYWHERE = Cone(np.array([0.0, 0.0, 1.0]), 180.0)

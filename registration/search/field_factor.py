@@ -225,7 +225,8 @@ def step(poses: Poses, found: Sampled, weights: Float32Array, settings: StepSett
         rows[:, k] -= c * d
     rows *= np.sqrt(weights)[:, None, :]
     normal = np.matmul(rows, rows.transpose(0, 2, 1)).astype(np.float64)
-    ridge = size * np.array([settings.ridge_per_rad2] * 3 + [settings.ridge_per_mm2] * 3)
+    per_rad2, per_mm2 = settings.ridge_per_rad2, settings.ridge_per_mm2
+    ridge = size * np.array((per_rad2, per_rad2, per_rad2, per_mm2, per_mm2, per_mm2))
     motion = damped_step(normal[:, :6, :6], normal[:, :6, 6], ridge, damping)
     turn = np.linalg.norm(motion[:, :3], axis=1)
     motion *= np.minimum(1.0, settings.max_turn_rad / np.maximum(turn, np.finfo(np.float64).tiny))[:, None]

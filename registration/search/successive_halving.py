@@ -100,10 +100,11 @@ def distinct(poses: Poses, settings: SearchSettings) -> tuple[IntArray, IntArray
     """Indices of poses that are not one minimum with an earlier one, and how many fell to each."""
     chosen: list[int] = []
     hits: list[int] = []
+    same_rad = np.radians(settings.same_deg)
     for index in range(len(poses)):
         relative = poses.rotations[chosen] @ poses.rotations[index].T
         cosine = (np.trace(relative, axis1=1, axis2=2) - 1.0) / 2.0
-        near = np.arccos(np.clip(cosine, -1.0, 1.0)) < np.radians(settings.same_deg)
+        near = np.arccos(np.clip(cosine, -1.0, 1.0)) < same_rad
         near &= np.linalg.norm(poses.shifts[chosen] - poses.shifts[index], axis=1) < settings.same_mm
         if near.any():
             hits[int(np.argmax(near))] += 1

@@ -60,7 +60,7 @@ class HollowSettings:
     """Cell of the vote count."""
 
     max_faces: int = 10_000
-    """Of larger models so many faces, evenly taken, are asked."""
+    """Of larger models so many faces, evenly taken, vote."""
 
     min_faces: int = 30
     """Fewer faces on a sphere are chance."""
@@ -75,7 +75,7 @@ class HollowSettings:
     """Peaks nearer than this are one."""
 
     near_mm: float = 5.0
-    """Faces within this of a peak's sphere are asked for hypotheses."""
+    """Faces within this of a peak's sphere take part in hypotheses."""
 
     near_cosine: float = 0.7
     """Their normals point to its centre within the angle of this cosine: 46 deg."""

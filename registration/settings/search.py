@@ -46,7 +46,7 @@ class Stage:
     """Which field is read."""
 
     min_survivors: int
-    """Poses that stay, the best at first sight of this stage's points, however far behind they are."""
+    """Poses that stay, the best on this stage's points, however far behind they are."""
 
     max_survivors: int
     """Poses that stay at most. The first stage takes all."""

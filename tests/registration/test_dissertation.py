@@ -17,7 +17,7 @@ from picoradar.registration.se3 import inverse, pose, rotation_from_vector, tran
 
 @pytest.fixture(scope="module")
 def prism() -> Surface:
-    """Two sloping faces over 40 x 40 mm, ridge 40 mm high along x: 3321 points (S 4.1.1)."""
+    """Two sloping faces over 40 x 40 mm, ridge 40 mm high along x: 3321 points (section 4.1.1)."""
     x, y = np.meshgrid(np.linspace(-20, 20, 41), np.linspace(-20, 20, 81), indexing="ij")
     a = (np.arange(40)[:, None] * 81 + np.arange(80)).ravel()
     faces = np.concatenate([np.stack([a, a + 81, a + 82], axis=1), np.stack([a, a + 82, a + 1], axis=1)])

@@ -9,7 +9,8 @@ import pytest
 import trimesh
 
 from picoradar import registration
-from picoradar.registration.model import Surface, build_fields, part, visible_shell
+from picoradar.registration.model import Surface, build_fields, part, prepared, visible_shell
+from picoradar.registration.model.curvature import principal_curvatures
 from picoradar.registration.model.mesh import signed_volume
 
 CUBE = np.array([[x, y, z] for x in (0, 10) for y in (0, 10) for z in (0, 10)], dtype=float)
@@ -126,7 +127,7 @@ def test_a_ball_bulges_and_a_bowl_is_hollow_by_its_radius(turned: bool) -> None:
     ball = trimesh.creation.icosphere(subdivisions=4, radius=25.0)
     surface = Surface(np.asarray(ball.vertices), np.asarray(ball.faces)[:, ::-1] if turned else np.asarray(ball.faces))
     # A paraboloid laid through the cap of five rings, 9 mm wide, bends more than the ball by (9 / 25)^2 / 4 = 3 %.
-    np.testing.assert_allclose(surface.principal_curvatures(), (-1 if turned else 1) / 25.0, rtol=0.04)
+    np.testing.assert_allclose(principal_curvatures(surface), (-1 if turned else 1) / 25.0, rtol=0.04)
 
 
 def test_curvatures_of_a_cylinder_are_kept_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -136,7 +137,7 @@ def test_curvatures_of_a_cylinder_are_kept_on_disk(tmp_path: Path, monkeypatch: 
     middle = np.abs(model.vertices[:, 2]) < 10.0
     np.testing.assert_allclose(np.median(model.curvatures[middle], axis=0), [0.1, 0.0], atol=0.003)
     (kept,) = tmp_path.glob("*-curvatures.npz")
-    monkeypatch.setattr(Surface, "principal_curvatures", lambda _: pytest.fail("they are there already"))
+    monkeypatch.setattr(prepared, "principal_curvatures", lambda _: pytest.fail("they are there already"))
     again = registration.prepare_model(np.asarray(tube.vertices), np.asarray(tube.faces))
     np.testing.assert_array_equal(again.curvatures, model.curvatures)
     assert kept.exists()
