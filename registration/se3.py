@@ -8,6 +8,18 @@ import numpy.typing as npt
 from picoradar.registration._types import FloatArray
 from picoradar.registration.errors import StartError
 
+SMALL_RAD = 1e-8
+"""Below this angle, sine and cosine are those of their series to double precision."""
+
+SMALL_SINE = 1e-9
+"""Below this sine, an angle is its sine."""
+
+NEAR_HALF_TURN = -0.99
+"""Cosine of an angle from which on the axis is taken from the symmetric part of the matrix."""
+
+MAX_ROW_ERROR, MAX_SHEAR = 1e-9, 1e-3
+"""How far a given pose may be from rigid: poses are written to text files with few digits."""
+
 
 def skew(vectors: FloatArray) -> FloatArray:
     """Return the matrices ``[v]x`` with ``[v]x u = v x u``; (..., 3) to (..., 3, 3)."""
@@ -23,7 +35,7 @@ def rotation_from_vector(rotation_rad: FloatArray) -> FloatArray:
     """Exponential map (Rodrigues); rotation vectors (..., 3) rad to matrices (..., 3, 3)."""
     w = np.asarray(rotation_rad, dtype=np.float64)
     angle = np.sqrt(np.einsum("...i,...i->...", w, w))[..., None, None]
-    small = angle < 1e-8
+    small = angle < SMALL_RAD
     safe = np.where(small, 1.0, angle)
     first = np.where(small, 1.0, np.sin(safe) / safe)
     second = np.where(small, 0.5, (1.0 - np.cos(safe)) / safe**2)
@@ -38,8 +50,8 @@ def vector_from_rotation(rotation: FloatArray) -> FloatArray:
     )
     sine, cosine = float(np.linalg.norm(axial)) / 2.0, (float(np.trace(rotation)) - 1.0) / 2.0
     angle = float(np.arctan2(sine, cosine))
-    if cosine > -0.99:
-        return np.asarray(axial / 2.0 * (angle / sine if sine > 1e-9 else 1.0), dtype=np.float64)
+    if cosine > NEAR_HALF_TURN:
+        return np.asarray(axial / 2.0 * (angle / sine if sine > SMALL_SINE else 1.0), dtype=np.float64)
     # Near half a turn the axial part vanishes; the symmetric one, (1 - cos) a a^T + cos, tells the axis but for a sign.
     squares = (rotation + rotation.T) / 2.0 - cosine * np.eye(3)
     axis = squares[:, int(np.argmax(np.diag(squares)))]
@@ -113,9 +125,9 @@ def checked_pose(matrix: npt.ArrayLike) -> FloatArray:
     if given.shape != (4, 4) or not np.isfinite(given).all():
         raise StartError(f"a start pose is a finite 4x4 matrix, this one has shape {given.shape}")
     rotation = given[:3, :3]
-    if np.abs(given[3] - (0.0, 0.0, 0.0, 1.0)).max() > 1e-9:
+    if np.abs(given[3] - (0.0, 0.0, 0.0, 1.0)).max() > MAX_ROW_ERROR:
         raise StartError(f"the last row of a start pose is 0 0 0 1, this one has {given[3].tolist()}")
-    if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3:
+    if np.abs(rotation @ rotation.T - np.eye(3)).max() > MAX_SHEAR:
         raise StartError("the start pose holds scale or shear: give a rigid 4x4 pose, model_from_scanner, in mm")
     if np.linalg.det(rotation) < 0:
         raise StartError("the start pose mirrors (determinant -1): give a rigid 4x4 pose, model_from_scanner")

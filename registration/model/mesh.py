@@ -10,6 +10,9 @@ import numpy.typing as npt
 from picoradar.registration._types import FloatArray, IntArray
 from picoradar.registration.errors import MeshError
 
+MIN_AREA_SHARE = 1e-14
+"""Faces with a smaller share of the squared size of the mesh have no area but for rounding."""
+
 
 @dataclass(frozen=True)
 class MeshReport:
@@ -162,7 +165,7 @@ def _merged(v: FloatArray, f: IntArray) -> tuple[FloatArray, IntArray, int]:
 
 def _sound_faces(v: FloatArray, f: IntArray, size: float) -> npt.NDArray[np.bool_]:
     """Faces with three different corners and an area, each only once."""
-    sound = face_normals_and_areas(v, f)[1] > 1e-14 * size * size
+    sound = face_normals_and_areas(v, f)[1] > MIN_AREA_SHARE * size * size
     corners = np.sort(f, axis=1)
     order = np.lexsort(corners.T)
     same = (corners[order][1:] == corners[order][:-1]).all(axis=1)

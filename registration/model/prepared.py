@@ -165,7 +165,9 @@ def kept_model(key: str, name: str, settings: PreparationSettings | None = None)
         return None
     chosen = settings or PreparationSettings()
     surface = _surface(prepared.vertices, prepared.faces, prepared.report)
-    likeliest, *others = (view_at(surface, *place, settings=chosen.view) for place in prepared.places)
+    likeliest, *others = (
+        view_at(surface, *place[:3], whole=place[3], settings=chosen.view) for place in prepared.places
+    )
     views = (replace(likeliest, make=prepared.likeliest), *others)
     return _model(surface, prepared.report, views, name, key, chosen)
 

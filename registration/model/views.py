@@ -86,7 +86,7 @@ def find_views(surface: Surface, settings: PreparationSettings) -> tuple[View, .
 
 
 def view_at(
-    surface: Surface, centre: FloatArray, radius_mm: float, axis: FloatArray, whole: bool, settings: ViewSettings
+    surface: Surface, centre: FloatArray, radius_mm: float, axis: FloatArray, *, whole: bool, settings: ViewSettings
 ) -> View:
     """A view that :func:`find_views` found earlier on the same surface."""
     if whole:

@@ -125,13 +125,18 @@ def paired_points(
             transform(start, a), b.mean(axis=0), np.broadcast_to(np.eye(3) * fle2 / 3.0, (len(b), 3, 3)), w
         )
     residuals = b - transform(solution, a)
-    d = np.linalg.svd(correlation(b, a, w)[2])
-    sign = np.sign(np.linalg.det(d[0]) * np.linalg.det(d[2]))
     return PairedPoints(
         fixed_from_moving=solution,
         fre_mm=float(np.sqrt((residuals**2).sum(axis=1).mean())),
         residuals_mm=residuals,
         covariance=covariance,
         centre=b.mean(axis=0),
-        uniqueness_gap=float((d[1][1] + sign * d[1][2]) / d[1][0]),
+        uniqueness_gap=_uniqueness_gap(correlation(b, a, w)[2]),
     )
+
+
+def _uniqueness_gap(s: FloatArray) -> float:
+    """``(d2 + sign * d3) / d1`` of the singular values of a correlation matrix (3, 3)."""
+    u, d, vt = np.linalg.svd(s)
+    sign = np.sign(np.linalg.det(u) * np.linalg.det(vt))
+    return float((d[1] + sign * d[2]) / d[0])

@@ -15,6 +15,18 @@ from picoradar.registration.scan.raster import checked_grid, found_grid, neighbo
 MIN_COMMON_LENGTH = 0.05
 """Length of the mean of all beams below which they have no common direction."""
 
+COLLINEAR = 1e-12
+"""Points whose second moment of inertia is a smaller share of the first lie on one line."""
+
+MIN_EXTENT_MM = 1.0
+"""A smaller cloud is in metres."""
+
+MIN_RANGE_MM = 1e-6
+"""A nearer point has no direction from the scanner."""
+
+MAX_ASYMMETRY, MAX_NEGATIVE = 1e-6, 1e-9
+"""Rounding that a covariance may show, as shares of its largest entry and variance: it may come from a text file."""
+
 MIN_POINTS = 6
 """A rigid pose has six unknowns."""
 
@@ -141,16 +153,16 @@ def checked_scan(
     if len(p) < MIN_POINTS:
         raise PointsError(f"{len(p)} points: a pose has six unknowns, so at least {MIN_POINTS} points are needed")
     extent = float(np.ptp(p, axis=0).max())
-    if extent < 1.0:
+    if extent < MIN_EXTENT_MM:
         raise PointsError(f"the cloud measures {extent:.3g} across: it seems to be in metres; scale it by 1000 to mm")
     local = p - p.mean(axis=0)
     spread = np.linalg.eigvalsh(local.T @ local)
-    if spread[1] <= 1e-12 * spread[2]:
+    if spread[1] <= COLLINEAR * spread[2]:
         raise DegenerateError("all points lie on one line: the rotation about it is free; scan an area")
     o = _sized(origin, (3,), "origin")
     offset = p - o
     distance = np.linalg.norm(offset, axis=1)
-    if distance.min() < 1e-6:
+    if distance.min() < MIN_RANGE_MM:
         raise PointsError(
             f"point {int(np.argmin(distance))} lies at the scanner's origin {o.tolist()}: give the true origin"
         )
@@ -163,17 +175,20 @@ def checked_scan(
     beams = offset / distance[:, None]
     if np.linalg.norm(beams.mean(axis=0)) < MIN_COMMON_LENGTH:
         raise PointsError(f"the beams go to all sides: the scanner's origin {o.tolist()} lies within the cloud")
-    checked_covariance = None
-    if covariance is not None:
-        checked_covariance = _sized(covariance, (len(p), 3, 3), "covariance")
-        largest = np.abs(checked_covariance).max(axis=(1, 2))
-        if (np.abs(checked_covariance - checked_covariance.transpose(0, 2, 1)).max(axis=(1, 2)) > 1e-6 * largest).any():
-            raise PointsError("covariance holds a matrix that is not symmetric")
-        variances = np.linalg.eigvalsh(checked_covariance)
-        if (variances[:, 0] < -1e-9 * variances[:, 2]).any() or variances[:, 2].min() <= 0.0:
-            raise PointsError("covariance holds a matrix with a negative variance, or with none at all: leave it out")
+    checked_covariance = None if covariance is None else _checked_covariance(covariance, len(p))
     response = None if response_mv is None else _sized(response_mv, (len(p),), "response_mv")
     return Scan(p, beams, o, checked_covariance, response, places)
+
+
+def _checked_covariance(covariance: npt.ArrayLike, count: int) -> FloatArray:
+    c = _sized(covariance, (count, 3, 3), "covariance")
+    largest = np.abs(c).max(axis=(1, 2))
+    if (np.abs(c - c.transpose(0, 2, 1)).max(axis=(1, 2)) > MAX_ASYMMETRY * largest).any():
+        raise PointsError("covariance holds a matrix that is not symmetric")
+    variances = np.linalg.eigvalsh(c)
+    if (variances[:, 0] < -MAX_NEGATIVE * variances[:, 2]).any() or variances[:, 2].min() <= 0.0:
+        raise PointsError("covariance holds a matrix with a negative variance, or with none at all: leave it out")
+    return c
 
 
 def _sized(values: npt.ArrayLike, shape: tuple[int, ...], name: str) -> FloatArray:

@@ -24,6 +24,12 @@ from picoradar.registration._types import BoolArray, FloatArray, Neighbours
 from picoradar.registration.least_squares import weighted_squares
 from picoradar.registration.scan import MIN_POINTS, neighbour_sum
 
+P95 = 0.95
+"""Probability of the quantiles that are reported."""
+
+MAX_NEWTON_STEPS, SETTLED, SERIES_ROUNDING = 50, 1e-12, 1e-15
+"""Of the chi-square quantile: Newton's steps at most, and the relative step and term of a series that are rounding."""
+
 SLIDING_TURN = 0.2
 """A motion that turns by less, in shares of its whole, is described as sliding."""
 
@@ -114,7 +120,7 @@ class Target:
     bias_mm: float
 
 
-def quantile_mm(covariance: FloatArray, probability: float = 0.95) -> float:
+def quantile_mm(covariance: FloatArray, probability: float = P95) -> float:
     """Quantile of the length of a Gaussian vector with `covariance` (3, 3).
 
     The squared length is ``sum lambda_i chi2_1`` (Fitzpatrick and West 2001); its quantile by a chi-square distribution
@@ -138,17 +144,17 @@ def chi_square_quantile(degrees: float, probability: float) -> float:
     half = degrees / 2.0
     z = NormalDist().inv_cdf(probability)
     x = half * max(0.1, 1.0 - 1.0 / (9.0 * half) + z / (3.0 * math.sqrt(half))) ** 3
-    for _ in range(50):
+    for _ in range(MAX_NEWTON_STEPS):
         density = math.exp((half - 1.0) * math.log(x) - x - math.lgamma(half))
         term = total = x / half
         n = half
-        while term > 1e-15 * total:
+        while term > SERIES_ROUNDING * total:
             n += 1.0
             term *= x / n
             total += term
         move = (density * total - probability) / density
         x = max(x - move, x / 2.0)
-        if abs(move) < 1e-12 * x:
+        if abs(move) < SETTLED * x:
             break
     return 2.0 * x
 
