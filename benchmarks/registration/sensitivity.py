@@ -1,6 +1,7 @@
 """Moves each numeric setting of the robust method by a factor of two either way; writes a table into the document.
 
-    python benchmarks/registration/sensitivity.py --scans 4 --keep sensitivity.jsonl --write
+    python benchmarks/registration/sensitivity.py --part robust --scans 12 --keep sensitivity.jsonl --write
+    python benchmarks/registration/sensitivity.py --part model --scans 12 --keep sensitivity.jsonl --write
 
 Seeded scans of the shipped hip bone, with 0, 30, 42 and 60 % of it under tissue from anywhere, with 42 % from a start
 12 deg and 10 mm off, with 42 % and amplitudes, and of a small body without a hollow: ``--scans`` of each. A run that is
@@ -170,7 +171,7 @@ def row(path: tuple[str, ...], value: object, moved: list[Outcome], usual: Outco
         poses.append(sum(not distance < SAME_MM for distance in apart))
     idle = not any(verdicts) and not any(poses) and all(abs(c - 1.0) < SAME_CPU for c in cpu)
     cells = [
-        ".".join(path[1:] if path[0] == "robust" else path),
+        ".".join(path[1:]),
         shown(value),
         f"{share[0]} / {np.mean(usual.right):.0%} / {share[1]}",
         " / ".join(f"{r:.2f}" for r in ratio),
@@ -185,6 +186,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scans", type=int, default=12, help="of each of the seven kinds")
     parser.add_argument("--first-seed", type=int, default=60_000)
+    parser.add_argument("--part", choices=("robust", "model"), default="robust", help="settings to move")
     parser.add_argument("--only", default="", help="fields whose path contains this")
     parser.add_argument("--keep", type=Path, help="file of results, to go on from")
     parser.add_argument("--write", action="store_true")
@@ -212,15 +214,15 @@ def table(options: argparse.Namespace) -> None:
                     file.write(json.dumps([key, vars(kept[key])]) + "\n")
         return kept[key]
 
-    entries = [(("robust", *path), value) for path, value in numeric_fields(RobustSettings())]
-    entries += [(("model", *path), value) for path, value in numeric_fields(PreparationSettings())]
+    settings = RobustSettings() if options.part == "robust" else PreparationSettings()
+    entries = [((options.part, *path), value) for path, value in numeric_fields(settings)]
     entries = [(path, value) for path, value in entries if options.only in ".".join(path)]
     usual = taken_or_measured(("robust", "noise", "typical_range_mm"), 1.0)
     lines, idle = [], []
     for number, (path, value) in enumerate(entries, start=1):
         line, is_idle = row(path, value, [taken_or_measured(path, factor) for factor in FACTORS], usual)
         lines.append(line)
-        idle += [".".join(path)] * is_idle
+        idle += [".".join(path[1:])] * is_idle
         print(f"{number:3}/{len(entries)} {line}{' idle' if is_idle else ''}", flush=True)
     head = [
         "| field | value | right at half / as set / at twice | error at the targets over that as set: half / twice "
@@ -233,7 +235,7 @@ def table(options: argparse.Namespace) -> None:
     )
     print(note)
     if options.write:
-        write_between_marks("registration.md", NAME, [note, "", *head, *lines])
+        write_between_marks("registration.md", f"{NAME}, {options.part}", [note, "", *head, *lines])
 
 
 if __name__ == "__main__":

@@ -61,7 +61,7 @@ def test_a_shell_of_the_other_hip_never_passes(
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_box_that_turns_onto_itself_never_passes(seed: int) -> None:
-    """From any side three other poses are exactly as good, whether the races reach them or not."""
+    """From any side three other poses are exactly as good, whether the search reaches them or not."""
     box = trimesh.creation.box((40.0, 30.0, 20.0))
     model = registration.prepare_model(np.asarray(box.vertices), np.asarray(box.faces))
     rng = np.random.default_rng([seed, 8])

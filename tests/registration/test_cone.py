@@ -1,4 +1,4 @@
-"""A cone of directions narrows the search: poses outside it are neither sought nor told of."""
+"""A cone of directions narrows the search: poses outside it are neither sought nor reported."""
 
 from __future__ import annotations
 
