@@ -24,6 +24,9 @@ from picoradar.registration.trust.assess import assess
 MIN_NOISE_MM, MAX_NOISE_MM = 1e-3, 100.0
 """Range noise that can be given."""
 
+USUAL = RobustSettings()
+"""Settings where none are given: making them takes as long as a few steps of a registration."""
+
 
 def register(
     points: npt.ArrayLike,
@@ -105,7 +108,7 @@ def register(
     scan = checked_scan(points, origin=origin, covariance=covariance, response_mv=response_mv, grid=grid)
     check_noise(noise_mm)
     check_targets(targets)
-    robust = settings if isinstance(settings, RobustSettings) else RobustSettings()
+    robust = settings if isinstance(settings, RobustSettings) else USUAL
     if scan.covariance is None and scan.response_mv is not None:
         scan = weighted_by_response(scan, noise_mm, robust.noise)
     regions, begin = excluded_regions(exclude), checked_start(start)
