@@ -36,74 +36,48 @@ def estimate(
     clipped: ArrayLike | None = None,
     settings: RangingSettings | None = None,
 ) -> Ranges:
-    """Range records that hold reference and echo in one trace.
+    """Range records that hold reference and echo in one trace (docs/ranging.md).
 
     A record that cannot be ranged gets flags and NaN; no content of a trace raises. The range is
-    ``c / 2 x Ti + range_zero - walk(response)`` with Ti the interval between the two time-significant points and c the
-    speed of light in air (`SPEED_OF_LIGHT_MM_PER_PS`).
+    ``c / 2 x Ti + range_zero - walk(response)`` with Ti the interval between the time-significant points.
 
     Parameters
     ----------
     traces : (R, S) float array, or a sequence of R traces
-        Mean traces in mV. A trace of another length than ``times_ps``, or with NaN, is flagged as without reference.
+        Mean traces in mV. A trace of another length, or with NaN, is flagged as without reference.
     times_ps : (S,) array
         Sampling instants, evenly spaced.
     method : {"template", "half-maximum"}
-        The estimator: the fit of the pulse shapes of the calibration, or the dissertation's 50 % crossing. Without any
-        calibration the shapes are learnt from the records themselves (`self_calibrate`): then a record's range depends
-        on the others of the call.
+        The fit of the calibration's pulse shapes (self-calibrated without one: then a record's range depends on the
+        others of the call), or the dissertation's 50 % crossing.
     calibration : Calibration, optional
-        Gives the range zero, the walk correction of this estimator, the noise on the pulses and where the reference
-        is. Without it the range counts from Ti = 0 and every echo is flagged as `Flag.WALK_EXTRAPOLATED`,
-        because no walk correction covers it.
+        Without it the range counts from Ti = 0, and `Flag.WALK_EXTRAPOLATED` says that no walk correction covers it.
     sweeps : int or (R,) array
         Sweeps averaged in each trace.
     clipped : (R,) bool array, optional
         Records in which the device has seen samples at an end of its A/D.
     settings : RangingSettings, optional
-        Limits of the search.
-
-    Returns
-    -------
-    Ranges
 
     Raises
     ------
     BadInput
-        When ``times_ps`` is no evenly spaced axis, ``method``, ``sweeps`` or ``clipped`` do not fit, or the
-        calibration lacks the templates that its method needs.
+        When ``times_ps`` is no evenly spaced axis, another argument does not fit, or templates are missing.
 
     Examples
     --------
-    Two pulses of one form, 4000 ps apart; without a calibration no walk correction covers the echo.
+    Two pulses of one form, 4000 ps apart:
 
     >>> import numpy as np
     >>> from picoradar import estimate
     >>> times_ps = 10.0 * np.arange(800)
-    >>> def pulse(at_ps):
-    ...     return 45.0 * np.exp(-(((times_ps - at_ps) / 250.0) ** 2))
-    >>> found = estimate([pulse(1500.0) + pulse(5500.0)], times_ps, method="half-maximum")
-    >>> found.range_mm.round(1)
+    >>> trace_mv = sum(45.0 * np.exp(-(((times_ps - at_ps) / 250.0) ** 2)) for at_ps in (1500.0, 5500.0))
+    >>> estimate([trace_mv], times_ps, method="half-maximum").range_mm.round(1)
     array([599.4])
-    >>> from picoradar.instrument.line import Flag
-    >>> Flag(int(found.flags[0])).name
-    'WALK_EXTRAPOLATED'
     """
     limits = settings or RangingSettings()
     times = _check_times(times_ps, limits)
-    if method not in METHODS:
-        raise BadInput(f"method {method!r} is not known; use {' or '.join(map(repr, METHODS))}")
     records = _records(traces, times.size, sweeps, clipped)
-    count = len(records.traces)
-    if not count or times.size < limits.min_samples:
-        return _nothing(count)
-    shapes: Shapes | None = None
-    if method == "template":
-        values = records.traces
-        shapes = shapes_of(calibration) if calibration else self_calibrate(values, times, limits, records.sweeps)
-    way = _Way(times, method, shapes, calibration, limits)
-    parts = [_block(records.part(slice(first, first + BLOCK)), way) for first in range(0, count, BLOCK)]
-    return Ranges.joined(parts)
+    return _in_blocks(records, _way(records, times, method, calibration, limits))
 
 
 class _Records(NamedTuple):
@@ -127,6 +101,30 @@ class _Way(NamedTuple):
     shapes: Shapes | None
     calibration: Calibration | None
     limits: RangingSettings
+
+
+def _way(
+    records: _Records, times: FloatArray, method: Method, calibration: Calibration | None, limits: RangingSettings
+) -> _Way:
+    """Choose the shapes that records are fitted with: the calibration's, or those of the records themselves."""
+    if method not in METHODS:
+        raise BadInput(f"method {method!r} is not known; use {' or '.join(map(repr, METHODS))}")
+    shapes: Shapes | None = None
+    if method == "template" and _enough(records, times, limits):
+        values = records.traces
+        shapes = shapes_of(calibration) if calibration else self_calibrate(values, times, limits, records.sweeps)
+    return _Way(times, method, shapes, calibration, limits)
+
+
+def _enough(records: _Records, times: FloatArray, limits: RangingSettings) -> bool:
+    return len(records.traces) > 0 and times.size >= limits.min_samples
+
+
+def _in_blocks(records: _Records, way: _Way) -> Ranges:
+    count = len(records.traces)
+    if not _enough(records, way.times, way.limits):
+        return _nothing(count)
+    return Ranges.joined([_block(records.part(slice(k, k + BLOCK)), way) for k in range(0, count, BLOCK)])
 
 
 def _records(

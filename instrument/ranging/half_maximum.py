@@ -81,22 +81,13 @@ def half_maximum(
     settings : RangingSettings
     """
     step_ps = float(times_ps[1] - times_ps[0])
-    rows = np.arange(len(traces_mv))
     centre = pulses.peak * coarse.width + coarse.width // 2
     peak_mv, shape = _peak(traces_mv, centre, settings.peak_half_width_ps / step_ps)
     height = peak_mv - coarse.baseline_mv
     level = (peak_mv + coarse.baseline_mv) / 2
 
-    reach = np.arange(round(settings.widest_ps / step_ps))  # no pulse's edge is longer
-    index = centre[:, None] - reach
-    values = np.take_along_axis(traces_mv, np.maximum(index, 0), axis=1)
-    below = (values < level[:, None]) & (index >= 0)
-    back = np.argmax(below, axis=1)
-    crossed = pulses.found & below.any(axis=1) & (back > 0) & (height > 0)
-    low = np.where(crossed, index[rows, back], 0)
-    v0, v1 = traces_mv[rows, low], traces_mv[rows, low + 1]
-    share = np.divide(level - v0, v1 - v0, out=np.full_like(level, np.nan), where=crossed)
-
+    found = pulses.found & (height > 0)
+    low, share, crossed = _crossing(traces_mv, centre, level, found, round(settings.widest_ps / step_ps))
     slope = _slope(traces_mv, low, step_ps, settings.slope_half_width_ps / step_ps)
     crossed &= slope > 0
     slope = np.where(crossed, slope, np.nan)
@@ -134,6 +125,23 @@ def join(start: Edges, stop: Edges, coarse: CoarseTraces) -> PulsePair:
         response_variance_mv2=stop.height_variance_mv2,
         covariance_ps_mv=stop.covariance_ps_mv,
     )
+
+
+def _crossing(
+    traces_mv: FloatArray, centre: NDArray[np.int64], level_mv: FloatArray, found: NDArray[np.bool_], reach: int
+) -> tuple[NDArray[np.int64], FloatArray, NDArray[np.bool_]]:
+    """Return the last sample below the level before each peak, the crossing behind it as a share of the step, and
+    where there is one; no pulse's edge is longer than ``reach`` samples."""
+    rows = np.arange(len(traces_mv))
+    index = centre[:, None] - np.arange(reach)
+    values = np.take_along_axis(traces_mv, np.maximum(index, 0), axis=1)
+    below = (values < level_mv[:, None]) & (index >= 0)
+    back = np.argmax(below, axis=1)
+    crossed = found & below.any(axis=1) & (back > 0)
+    low = np.where(crossed, index[rows, back], 0)
+    v0, v1 = traces_mv[rows, low], traces_mv[rows, low + 1]
+    share = np.divide(level_mv - v0, v1 - v0, out=np.full_like(level_mv, np.nan), where=crossed)
+    return low, share, crossed
 
 
 def _peak(traces_mv: FloatArray, centre: NDArray[np.int64], half_width: float) -> tuple[FloatArray, FloatArray]:
