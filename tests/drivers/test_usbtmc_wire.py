@@ -148,3 +148,34 @@ def test_words_have_to_fit_the_preamble() -> None:
     assert scpi.decode_words(b"\x01\x00\xff\xff", preamble).tolist() == [1, -1]
     with pytest.raises(BadWaveform, match="3 bytes came for 2 points"):
         scpi.decode_words(b"\x01\x00\xff", preamble)
+
+
+def test_a_header_of_nothing_more_is_zeros() -> None:
+    assert tmc.Header(tmc.MsgId.TRIGGER, 1).encode() == bytes([128, 1, 0xFE]) + bytes(9)
+
+
+@pytest.mark.parametrize("begin", [(1, 0, 0xFF), (1, 1, 0x00), (1, 1, 1)])
+def test_tag_and_complement_have_to_fit(begin: tuple[int, ...]) -> None:
+    with pytest.raises(BadHeader, match="do not fit"):
+        tmc.Header.decode(bytes(begin) + bytes(9))
+
+
+@pytest.mark.parametrize(("length", "padded"), [(0, 0), (1, 4), (4, 4), (5, 8), (12, 12)])
+def test_data_are_filled_up_to_four_bytes(length: int, padded: int) -> None:
+    assert tmc.padded(b"x" * length) == b"x" * length + bytes(padded - length)
+
+
+def test_an_answer_has_just_the_bytes_that_its_header_says() -> None:
+    whole = tmc.encode_answer(2, b"abcdef", attributes=1)
+    assert tmc.decode_answer(whole[:-2], 2) == (b"abcdef", True)  # without the padding
+    for wrong in (whole[:-3], whole + b"\0"):
+        with pytest.raises(BadHeader, match="header says 6 bytes"):
+            tmc.decode_answer(wrong, 2)
+
+
+@pytest.mark.parametrize(
+    ("bits", "trigger", "remote"), [(0, False, False), (1, True, False), (2, False, True), (4, False, False)]
+)
+def test_capabilities_are_single_bits(bits: int, *, trigger: bool, remote: bool) -> None:
+    found = tmc.Capabilities(0, 0, bits, 0)
+    assert (found.trigger, found.remote_control) == (trigger, remote)
