@@ -13,6 +13,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from picoradar.drivers.traces import CodeScale, Trace
+
 
 @dataclass(frozen=True)
 class Identity:
@@ -172,6 +174,11 @@ class SweepSettings:
     prf_hz: float
 
     @property
+    def times_ps(self) -> NDArray[np.float64]:
+        """Get the (S,) sampling instants that this asks for; a device rounds them to its own grid."""
+        return np.asarray(self.start_ps + self.step_ps * np.arange(self.samples), dtype=np.float64)
+
+    @property
     def record_s(self) -> float:
         """Get how long one record takes (s): averages x (settle + samples) / PRF."""
         return self.averages * (self.settle_shots + self.samples) / self.prf_hz
@@ -211,9 +218,14 @@ class Record:
     device_time_us: int
 
     @property
+    def trace(self) -> Trace:
+        """Get codes, scale and instants alone, as they go on to ranging."""
+        return Trace(self.sums, self.sweeps, self.times_ps, CodeScale(self.zero_code, self.mv_per_code))
+
+    @property
     def trace_mv(self) -> NDArray[np.float64]:
         """Get the (S,) mean trace at the photodiode bridge, in mV."""
-        return (self.sums / float(self.sweeps) - self.zero_code) * self.mv_per_code
+        return self.trace.mv
 
 
 @dataclass(frozen=True)
@@ -230,6 +242,10 @@ class WindowRecord:
 
     number: int
     windows: tuple[Record, ...]
+
+
+WATCHDOG_S = 1.0
+"""Without a heartbeat for this long (s of the wall), a sampler closes the gate by itself (SBP 1.0, section 5)."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The controller: verbs of the radar, one owner of all devices, and a safe way out of everything."""
+"""The controller: verbs of the radar, one owner of all devices, and a safe shutdown from everywhere."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable
 from picoradar.drivers.errors import DeviceError
 from picoradar.drivers.interfaces import Identity, TemperatureStatus
 from picoradar.instrument.bench import Bench
+from picoradar.instrument.controller.context import RunContext
 from picoradar.instrument.controller.exposure import refuse_above_class_1
 from picoradar.instrument.controller.interlocks import interlocks
 from picoradar.instrument.controller.job import LineStore, ScanJob, ScanOutcome, Sink
@@ -16,7 +17,6 @@ from picoradar.instrument.controller.requests import Request, Requests
 from picoradar.instrument.controller.run import ScanRun
 from picoradar.instrument.controller.safety import SafeState, make_safe
 from picoradar.instrument.controller.states import State
-from picoradar.instrument.controller.station import Station
 from picoradar.instrument.controller.supervision import Supervisor
 from picoradar.instrument.errors import InterlockTripped, Interrupted, NotAllowed
 from picoradar.instrument.events import logger
@@ -33,7 +33,7 @@ class Controller:
     """Runs one bench.
 
     All verbs are called from one thread, which owns the devices. `request` alone may be called from any thread or
-    from a signal handler: what it asks for is carried out between two places of the raster.
+    from a signal handler: what it asks for is carried out between two points.
 
     Parameters
     ----------
@@ -70,14 +70,14 @@ class Controller:
 
     def why(self) -> list[str]:
         """Get what holds the run now: the latched cause of a fault, and each interlock that does not hold."""
-        return [*filter(None, [self.cause]), *self._supervisor.panel.why()]
+        return [*filter(None, [self.cause]), *self._supervisor.monitor.why()]
 
     def request(self, what: Request) -> None:
         """Ask for a way to stop, pause or go on; returns at once, safe from any thread or signal handler.
 
-        ``finish`` ends after the line in hand, ``pause`` likewise but can go on, ``abort`` ends at the next place and
+        ``finish`` ends after the line in hand, ``pause`` likewise but can go on, ``abort`` ends at the next point and
         drops the line in hand, ``interrupt`` is an abort by Ctrl-C or SIGTERM, ``emergency off`` ends at the next
-        place, switches the diode off too and latches ``fault``.
+        point, switches the diode off too and latches ``fault``.
         """
         self._requests.put(what)
 
@@ -151,17 +151,17 @@ class Controller:
         Raises
         ------
         InterlockTripped, DeviceError, RecordingError
-            After the safe way out; the state is ``fault`` with the cause, or still ``ready`` when an interlock that
+            After the safe shutdown; the state is ``fault`` with the cause, or still ``ready`` when an interlock that
             may come back by itself held the scan before there was light.
         NotAllowed
             In a state other than ``ready``.
         """
         self._machine.check("start_scan")
         self._supervisor.begin()
-        station = Station(
+        context = RunContext(
             self.bench, self.settings, self._machine, self._supervisor, self._requests, self._known, self._log
         )
-        run = ScanRun(station, job, store, list(sinks))
+        run = ScanRun(context, job, store, list(sinks))
         try:
             return run.run()
         finally:
@@ -173,12 +173,12 @@ class Controller:
         Parameters
         ----------
         until : callable
-            Looked at ten times a second; by default this is one look at what was asked for.
+            Polled ten times a second; by default requests are polled once.
 
         Raises
         ------
         Interrupted
-            When a way to stop was asked for, after the safe way out; the state is what it was.
+            When a way to stop was asked for, after the safe shutdown; the state is what it was.
         InterlockTripped
             After an emergency off; the state is ``fault``.
         """
@@ -201,7 +201,7 @@ class Controller:
         cause = self.cause
         self._machine.go("acknowledge", self._close_all)
         self._machine.clear()
-        self._supervisor.panel.clear()
+        self._supervisor.monitor.clear()
         return cause
 
     def shut_down(self) -> SafeState:

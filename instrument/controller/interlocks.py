@@ -9,13 +9,12 @@ from typing import Literal
 
 from picoradar.drivers.interfaces import PulserStatus, SamplerStatus, TemperatureStatus
 from picoradar.instrument.controller.exposure import Exposure
-from picoradar.instrument.settings import Settings
+from picoradar.instrument.settings import TRANSMITTER_HEAT, Settings
 
 Action = Literal["suspend", "abort", "off"]
 INFINITE = math.inf
-AVERAGE_CURRENT_A = 0.020  # S 2.6.1: a few mA to some 10 mA; 290 V on the bleeder draw 12 mA
-HEAT_LIMIT_V2HZ = 300.0**2 * 80_000.0  # S 2.6.1: above about 300 V at 80 kHz the transmitter overheats
-LEAST_HEARTBEAT_S = 0.4  # of the watchdog's second; the host beats every quarter of it
+AVERAGE_CURRENT_A = 0.020  # section 2.6.1: a few mA to some 10 mA; 290 V on the bleeder draw 12 mA
+MIN_HEARTBEAT_S = 0.4  # of the watchdog's second; the host beats every quarter of it
 REFERENCE_WINDOW_PS = 1000.0  # it moves with drive voltage, rate and temperature; an echo is later than that
 REFERENCE_MV = (3.0, 110.0)  # below, its place is doubtful; above, the A/D is at its end
 REFERENCE_SHARE = (0.7, 1.4)  # of that of the run's first line: beyond, the laser has left its working point
@@ -23,7 +22,7 @@ REFERENCE_SHARE = (0.7, 1.4)  # of that of the run's first line: beyond, the las
 
 @dataclass(frozen=True)
 class Readings:
-    """What a look at the bench found; None where nobody was asked.
+    """What a poll of the bench found; None where no device was asked.
 
     Attributes
     ----------
@@ -61,7 +60,7 @@ class Interlock:
         For messages.
     quantity : callable
         Gets the value out of the readings; None when it was not measured.
-    least, most : float
+    minimum, maximum : float
         Band in which the value must lie.
     action : str
         ``suspend``: laser off, go on by itself when it holds again; ``abort``: the scan ends; ``off``: the scan ends
@@ -79,8 +78,8 @@ class Interlock:
     name: str
     unit: str
     quantity: Callable[[Readings], float | None]
-    least: float
-    most: float
+    minimum: float
+    maximum: float
     action: Action
     remedy: str
     emitting_only: bool = False
@@ -90,7 +89,7 @@ class Interlock:
     def holds(self, value: float, *, tripped: bool) -> bool:
         """Get whether the value is in its band (NaN is not); the band is narrower while it is tripped."""
         inside = self.hysteresis if tripped else 0.0
-        return self.least + inside <= value <= self.most - inside
+        return self.minimum + inside <= value <= self.maximum - inside
 
     def describe(self, value: float) -> str:
         """Say value, band and remedy."""
@@ -99,9 +98,9 @@ class Interlock:
     @property
     def band(self) -> str:
         """Get the band in words, without its unit."""
-        if self.least == self.most:
-            return f"{self.least:g}"
-        return f"at least {self.least:g}" if self.most == INFINITE else f"{self.least:g} to {self.most:g}"
+        if self.minimum == self.maximum:
+            return f"{self.minimum:g}"
+        return f"at least {self.minimum:g}" if self.maximum == INFINITE else f"{self.minimum:g} to {self.maximum:g}"
 
 
 def _truth(value: bool | None) -> float | None:
@@ -131,7 +130,7 @@ def interlocks(settings: Settings, exposure: Exposure) -> tuple[Interlock, ...]:
         ),
         Interlock(
             "host heartbeat", "s", lambda r: r.sampler.watchdog_left_s if r.sampler else None,
-            LEAST_HEARTBEAT_S, INFINITE, "abort", "heartbeats reach the bridge late: this computer is overloaded",
+            MIN_HEARTBEAT_S, INFINITE, "abort", "heartbeats reach the bridge late: this computer is overloaded",
             emitting_only=True,
         ),
         Interlock(
@@ -161,7 +160,7 @@ def interlocks(settings: Settings, exposure: Exposure) -> tuple[Interlock, ...]:
         ),
         Interlock(
             "pulser heat", "of its limit",
-            lambda r: r.pulser.measured_v**2 * r.pulser.prf_hz / HEAT_LIMIT_V2HZ if r.pulser else None,
+            lambda r: r.pulser.measured_v**2 * r.pulser.prf_hz / TRANSMITTER_HEAT.value if r.pulser else None,
             0, 1.02, "off", "drive voltage squared times rate overheats the transmitter", emitting_only=True,
         ),
         Interlock(

@@ -16,7 +16,7 @@ from picoradar.instrument.procedures.station.findings import refused
 from picoradar.instrument.procedures.station.light import SWEEP, Light, LightJob, NoStore
 from picoradar.instrument.procedures.station.outcome import Outcome, Plot, Readings
 from picoradar.instrument.procedures.station.station import Station
-from picoradar.instrument.settings import override
+from picoradar.instrument.settings import TRANSMITTER_HEAT, max_drive_v, override
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,7 +32,6 @@ COOL_HZ = 20_000.0  # of the sweep of the voltage: there the transmitter never o
 METER_SHARE = 0.02  # uncertainty of the power meter from reading to reading
 WORK_HZ = 80_000.0
 WORK_V, WORK_DEGC = 290.0, 23.0  # where the other quantity stands while one is swept
-HEAT_LIMIT_V2HZ = 300.0**2 * 80_000.0  # S 2.6.1: above, the transmitter overheats
 HEAT_RESERVE = 0.95
 LEAST_PEAK_W, LARGEST_FWHM_PS = 100.0, 60.0
 EXIT_TRANSMISSION = 0.62  # from the diode to the power meter
@@ -136,7 +135,7 @@ def measured(light: Light, drive_v: float, degc: float, prf_hz: float) -> Pulse:
 
 
 def _judged(station: Station, by_volts: list[Pulse], by_degc: list[Pulse]) -> Outcome:
-    cool = [p for p in by_volts if p.drive_v**2 * WORK_HZ <= HEAT_RESERVE * HEAT_LIMIT_V2HZ]
+    cool = [p for p in by_volts if p.drive_v**2 * WORK_HZ <= HEAT_RESERVE * TRANSMITTER_HEAT.value]
     best = max(cool, key=lambda p: p.peak_w)
     highest_w = max(p.peak_w for p in by_degc)
     best_degc = min(p.degc for p in by_degc if p.peak_w >= (1 - METER_SHARE) * highest_w)  # a cooler diode lasts longer
@@ -195,13 +194,13 @@ def _readings(pulses: list[Pulse]) -> Readings:
 
 
 def _draw_volts(figure: Figure, pulses: list[Pulse], found_v: float) -> None:
-    panels = figure.subplots(1, 3)
+    axes_of = figure.subplots(1, 3)
     volts = [p.drive_v for p in pulses]
-    limit_v = (HEAT_LIMIT_V2HZ / WORK_HZ) ** 0.5
+    limit_v = max_drive_v(WORK_HZ)
     for axes, label, values in (
-        (panels[0], "peak power, W", [p.peak_w for p in pulses]),
-        (panels[1], "FWHM, ps", [p.fwhm_ps for p in pulses]),
-        (panels[2], "rise time, ps", [p.rise_ps for p in pulses]),
+        (axes_of[0], "peak power, W", [p.peak_w for p in pulses]),
+        (axes_of[1], "FWHM, ps", [p.fwhm_ps for p in pulses]),
+        (axes_of[2], "rise time, ps", [p.rise_ps for p in pulses]),
     ):
         axes.plot(volts, values, "o-", ms=4)
         axes.axvspan(limit_v, max(volts), color="0.9")

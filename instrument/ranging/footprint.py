@@ -7,6 +7,7 @@ range between the two, wherever in the spot the edge lies. The pulse does not sh
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,14 @@ PART_SHARE = 0.75  # of the neighbour's response: less shows that a part of the 
 PART_SLOPE = 0.5  # and from this slope on (mm/mm) that moves the range by as much as its noise
 
 
-def mark_footprint(ranges: Ranges, step_mm: float, before_mm: FloatArray | None) -> Ranges:
+class LineBefore(NamedTuple):
+    """Ranges (N,) mm of the line before, and their variances (N,) mm^2."""
+
+    range_mm: FloatArray
+    variance_mm2: FloatArray
+
+
+def mark_footprint(ranges: Ranges, step_mm: float, before: LineBefore | None) -> Ranges:
     """Flag places as `Flag.MIXED` whose spot does not lie on one smooth surface.
 
     These are places where the range changes by more than 3 mm over the spot, from one neighbour to the other or from
@@ -35,8 +43,8 @@ def mark_footprint(ranges: Ranges, step_mm: float, before_mm: FloatArray | None)
         Of N places, from side to side.
     step_mm : float
         Distance of neighbouring places and lines.
-    before_mm : (N,) array or None
-        Ranges of the line before, if it is there.
+    before : LineBefore or None
+        Of the line before, if it is there.
 
     Returns
     -------
@@ -49,8 +57,8 @@ def mark_footprint(ranges: Ranges, step_mm: float, before_mm: FloatArray | None)
         sides = np.abs(np.stack([range_mm - left, right - range_mm])) / step_mm
         across = np.where(np.isfinite(left + right), np.abs(right - left) / (2 * step_mm), np.fmax(*sides))
         steep = across > DEEPEST_MM / SPOT_MM
-        if before_mm is not None:
-            steep |= np.abs(range_mm - before_mm) > DEEPEST_MM / SPOT_MM * step_mm
+        if before is not None:
+            steep |= np.abs(range_mm - before.range_mm) > DEEPEST_MM / SPOT_MM * step_mm
         dropped = response < PART_SHARE * np.stack(_neighbours(response))
         partial = (dropped & (sides > PART_SLOPE)).any(axis=0)
     mixed = np.isfinite(range_mm) & (steep | partial)

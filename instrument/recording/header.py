@@ -8,13 +8,47 @@ import json
 import math
 import platform
 from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from importlib import metadata
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
+from picoradar.drivers.traces import CodeScale
 
 _TRACE = ("start_ps", "step_ps", "samples", "zero_code", "mv_per_code")
+
+
+@dataclass(frozen=True)
+class TraceForm:
+    """Instants and scale of the traces of a recording, by its header.
+
+    Attributes
+    ----------
+    start_ps, step_ps : float
+        First sampling instant after the trigger, and step.
+    samples : int
+    scale : CodeScale
+    """
+
+    start_ps: float
+    step_ps: float
+    samples: int
+    scale: CodeScale
+
+    @cached_property
+    def times_ps(self) -> NDArray[np.float64]:
+        """Get the (S,) sampling instants."""
+        return np.asarray(self.start_ps + self.step_ps * np.arange(self.samples), dtype=np.float64)
+
+    @classmethod
+    def of(cls, trace: Mapping[str, Any]) -> TraceForm:
+        """Take it from the header's ``trace``."""
+        scale = CodeScale(trace["zero_code"], trace["mv_per_code"])
+        return cls(trace["start_ps"], trace["step_ps"], trace["samples"], scale)
 
 
 def versions() -> dict[str, str]:

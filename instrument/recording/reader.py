@@ -19,6 +19,7 @@ from picoradar.instrument.recording import rows
 from picoradar.instrument.recording.cloud import Cloud, cloud_of
 from picoradar.instrument.recording.errors import RecordingError, from_sqlite
 from picoradar.instrument.recording.findings import Event, LineCheck
+from picoradar.instrument.recording.header import TraceForm
 
 
 class Reader:
@@ -39,6 +40,8 @@ class Reader:
         try:
             self.header = self._read_header()
             self._raw = rows.SELECT_RAW[self._value("PRAGMA user_version")]
+            trace = self.header.get("trace")
+            self._form = TraceForm.of(trace) if isinstance(trace, dict) else None
         except RecordingError:
             connection.close()
             raise
@@ -79,8 +82,7 @@ class Reader:
     @property
     def times_ps(self) -> NDArray[np.float64]:
         """Get the (S,) times of the samples of a trace, ps after the trigger."""
-        trace = self.trace
-        return np.asarray(trace["start_ps"] + trace["step_ps"] * np.arange(trace["samples"]), dtype=np.float64)
+        return TraceForm.of(self.trace).times_ps
 
     def traces_mv(self, line: ScanLine) -> NDArray[np.float64]:
         """Return the (N, S) averaged traces of a line in mV at the photodiode.
@@ -90,11 +92,9 @@ class Reader:
         RecordingError
             If the line was recorded without traces.
         """
-        if line.sums is None:
+        if line.traces is None:
             raise RecordingError(self.path, "was recorded without its traces", line=line.index)
-        trace = self.trace
-        codes = line.sums.astype(np.float64) / line.sweeps
-        return np.asarray((codes - trace["zero_code"]) * trace["mv_per_code"], dtype=np.float64)
+        return line.traces.mv
 
     @property
     def done(self) -> list[int]:
@@ -143,7 +143,7 @@ class Reader:
                 raw = [self._connection.execute(query, (index,)).fetchone() if traces else None for query in self._raw]
             if found is None:
                 raise RecordingError(self.path, "the line is not in the recording", line=index)
-            return rows.unpack(rows.Rows(found, *raw))
+            return rows.unpack(rows.Rows(found, *raw), self._form)
         except sqlite3.Error as error:
             raise from_sqlite(self.path, error, line=index) from error
         except ValueError as error:

@@ -124,6 +124,8 @@ class Recording(Reader):
         """
         if not 0 <= line.index < self.raster["rows"]:
             raise RecordingError(self.path, f"the raster has the lines 0 to {self.raster['rows'] - 1}", line=line.index)
+        if self._form is None and (line.traces is not None or line.windows is not None):
+            raise RecordingError(self.path, "its header says nothing about traces", line=line.index)
         acknowledged = line.device_time_s if acknowledged_at_s is None else acknowledged_at_s
         try:
             packed = rows.pack(line, acknowledged)
@@ -166,7 +168,7 @@ class Recording(Reader):
                 "INSERT INTO event (t, kind, state, data) VALUES (?, ?, ?, ?)", (float(time_s), kind, state, data)
             )
 
-    def finish(self, stop_reason: str, laser_off_verified: bool, **summary: object) -> bool:
+    def finish(self, stop_reason: str, *, laser_off_verified: bool, **summary: object) -> bool:
         """Close the scan: write how it ended, and bring everything into the one file.
 
         Parameters
@@ -174,7 +176,7 @@ class Recording(Reader):
         stop_reason : str
             For example ``"finished"``, ``"aborted by the operator"``, the cause of a fault.
         laser_off_verified : bool
-            Whether the read-back of the safe way out showed the laser off.
+            Whether the read-back of the safe shutdown showed the laser off.
         **summary
             Figures of the scan (device time, flags ...).
 

@@ -1,5 +1,13 @@
 """Settings of a bench: tables with units and ranges, profiles to start from."""
 
+from picoradar.instrument.settings.limits import (
+    MAX_DISTANCE,
+    MIN_DISTANCE,
+    TRANSMITTER_HEAT,
+    WATCHDOG,
+    Limit,
+    max_drive_v,
+)
 from picoradar.instrument.settings.tables import (
     Links,
     PulserSettings,
@@ -13,12 +21,18 @@ from picoradar.instrument.settings.tables import (
 )
 
 __all__ = [
+    "MAX_DISTANCE",
+    "MIN_DISTANCE",
+    "TRANSMITTER_HEAT",
+    "WATCHDOG",
+    "Limit",
     "Links",
     "PulserSettings",
     "ScannerSettings",
     "Settings",
     "describe_errors",
     "load_settings",
+    "max_drive_v",
     "override",
     "settings_from",
     "to_toml",

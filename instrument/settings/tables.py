@@ -6,7 +6,6 @@ user gets (`to_toml`) is written. What the simulator needs stays a plain table h
 
 from __future__ import annotations
 
-import math
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -16,6 +15,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from picoradar.instrument.errors import BadInput
+from picoradar.instrument.settings.limits import MAX_DISTANCE, MIN_DISTANCE, max_drive_v
 
 RENAMED_BACKENDS = {"sim.usb.forward:backend": "picoradar.sim.usb.forward:backend"}
 """USB backends that settings and recordings of version 0.1 name, and what they are called now."""
@@ -89,9 +89,8 @@ class PulserSettings(Section):
 
     @model_validator(mode="after")
     def _no_overheating(self) -> PulserSettings:
-        # S 2.6.1: above about 300 V at 80 kHz the transmitter overheats; the heat goes with rate times voltage squared.
-        limit_v = 300.0 * math.sqrt(80_000.0 / max(self.prf_hz, 80_000.0))
-        if self.prf_hz >= 80_000.0 and self.drive_v > limit_v:
+        limit_v = max_drive_v(self.prf_hz)
+        if self.drive_v > limit_v:
             raise ValueError(
                 f"drive_v {self.drive_v:g} V overheats the transmitter at {self.prf_hz:g} Hz; at most {limit_v:.0f} V"
             )
@@ -148,7 +147,10 @@ class ScanSettings(Section):
         1.0, gt=0, le=20, description="distance of neighbouring points on the plane at distance_mm, mm"
     )
     distance_mm: float = Field(
-        900.0, ge=620, le=1000, description="distance of that plane, mm (below 620 reference and echo overlap)"
+        900.0,
+        ge=MIN_DISTANCE.value,
+        le=MAX_DISTANCE.value,
+        description=f"distance of that plane, mm (below {MIN_DISTANCE.value:g} reference and echo overlap)",
     )
     averages: int = Field(8, ge=1, le=64, description="sweeps averaged into one record")
     mode: Literal["sweep", "window"] = Field(

@@ -6,15 +6,23 @@ import numpy as np
 import pytest
 
 from picoradar.instrument.line import Flag
-from picoradar.instrument.ranging import Ranges, mark_footprint
+from picoradar.instrument.ranging import LineBefore, Ranges, mark_footprint
+
+NOISE_MM = 0.25  # of a range at half maximum with 8 averages
 
 
-def mixed(range_mm: np.ndarray, response_mv: np.ndarray | None = None, **more: object) -> list[int]:
+def mixed(
+    range_mm: np.ndarray,
+    response_mv: np.ndarray | None = None,
+    *,
+    step_mm: float = 1.0,
+    before_mm: np.ndarray | None = None,
+) -> list[int]:
     response = np.full(len(range_mm), 45.0) if response_mv is None else response_mv
     flags = np.full(len(range_mm), Flag.RETAKEN, dtype=np.uint16)
-    ranges = Ranges(range_mm, np.ones_like(range_mm), response, flags, *[range_mm] * 4)
-    options = {"step_mm": 1.0, "before_mm": None, **more}
-    found = mark_footprint(ranges, **options)
+    ranges = Ranges(range_mm, np.full(len(range_mm), NOISE_MM**2), response, flags, *[range_mm] * 4)
+    known = None if before_mm is None else LineBefore(before_mm, np.full(len(before_mm), NOISE_MM**2))
+    found = mark_footprint(ranges, step_mm, known)
     assert (found.flags & Flag.RETAKEN).all()  # other flags stay
     assert found.flags.dtype == np.uint16
     return np.flatnonzero(found.flags & Flag.MIXED).tolist()
@@ -22,7 +30,7 @@ def mixed(range_mm: np.ndarray, response_mv: np.ndarray | None = None, **more: o
 
 @pytest.mark.parametrize("slope", [0.0, 1.0, 2.0, -2.2])
 def test_a_smooth_surface_is_one_surface(slope: float) -> None:
-    noise = 0.25 * np.random.default_rng(1).standard_normal(1000)
+    noise = NOISE_MM * np.random.default_rng(1).standard_normal(1000)
     line = 900.0 + slope * np.arange(1000)
     assert mixed(line + noise) == []
     assert mixed(line + noise, before_mm=line + 2.0) == []

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from picoradar.drivers.traces import CodeScale, Trace
 from picoradar.instrument.line import Flag, ScanLine
 from picoradar.instrument.recording import Recording
 from picoradar.instrument.report import write_report
@@ -100,7 +101,7 @@ def bowl_line(row: int, *, traces: bool = True) -> ScanLine:
         range_variance_mm2=np.full(COLUMNS, 0.07),
         response_mv=rng.uniform(32, 58, COLUMNS),
         flags=flags,
-        sums=sums if traces else None,
+        traces=Trace(sums, 8, times, CodeScale(40.0, 0.5)) if traces else None,
         sweeps=8,
         device_time_s=float(row),
     )
@@ -112,7 +113,7 @@ def scan(
     recording = Recording.create(path, HEADER)
     for row in range(rows):
         recording.append(bowl_line(row, traces=traces))
-    recording.finish(reason, verified)
+    recording.finish(reason, laser_off_verified=verified)
     return recording
 
 

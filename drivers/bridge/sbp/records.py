@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from picoradar.drivers.bridge.sbp.codes import Format
-from picoradar.drivers.bridge.sbp.configuration import Window
+from picoradar.drivers.bridge.sbp.configuration import WindowEntry
 from picoradar.drivers.bridge.sbp.frames import Frame, FrameFlag
 from picoradar.drivers.bridge.sbp.identity import Caps
 from picoradar.drivers.interfaces import Record, WindowRecord
@@ -34,7 +34,7 @@ class RecordAssembler:
         Frames of other runs are stale; they are dropped and counted.
     config_crc : int
         CRC of the configuration that the frames have to name.
-    table : sequence of sequences of Window
+    table : sequence of sequences of WindowEntry
         Windows of each record; the last entry holds for all further records.
 
     Attributes
@@ -46,7 +46,7 @@ class RecordAssembler:
     caps: Caps
     run_id: int
     config_crc: int
-    table: Sequence[Sequence[Window]]
+    table: Sequence[Sequence[WindowEntry]]
     stale: int = 0
     _sequence: int = 0
     _number: int = 0
@@ -88,7 +88,7 @@ class RecordAssembler:
         records = tuple(self._trace(window, part) for window, part in zip(windows, parts, strict=True))
         return WindowRecord(self._number, records)
 
-    def _trace(self, window: Window, frames: list[Frame]) -> Record:
+    def _trace(self, window: WindowEntry, frames: list[Frame]) -> Record:
         firsts = np.cumsum([0] + [len(f.samples) for f in frames])
         if [f.first for f in frames] != firsts[:-1].tolist() or firsts[-1] != window.samples:
             raise SpoiledRun(f"{firsts[-1]} of {window.samples} samples of record {self._number} came")

@@ -69,7 +69,7 @@ def demo(
     folder = report_folder(out)
     with session.session(wanted, options.parse_speed(speed)) as run:
         session.warm_up(run)
-        scanned, _ = session.record_scan(run, folder / "scan.db")
+        scanned, _, _ = session.record_scan(run, folder / "scan.db")
         if run.simulated is None:
             raise BadInput("demo runs on the simulated bench")
         found = register_scan(run.simulated, folder / "scan.db", chosen)

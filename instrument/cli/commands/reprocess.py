@@ -1,4 +1,4 @@
-"""``picoradar rerange``: a recording with raw traces, ranged again."""
+"""``picoradar reprocess`` (also ``rerange``): a recording ranged from its raw traces by other means."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from picoradar.instrument.errors import BadInput
 
 def add_to(app: typer.Typer) -> None:
     """Register the subcommand."""
-    app.command(epilog="Example: picoradar rerange scan.db -o better.db --estimator template")(rerange)
+    epilog = "Example: picoradar reprocess scan.db -o better.db --estimator template"
+    app.command(epilog=epilog)(reprocess)
+    app.command("rerange", epilog=epilog, hidden=True)(reprocess)
 
 
-def rerange(
+def reprocess(
     recording: Annotated[Path, typer.Argument(help="Recording with its raw traces or windows.")],
     out: Annotated[Path, typer.Option("-o", help="Recording to make (a file that does not exist).")],
     estimator: options.Estimator = None,
@@ -25,8 +27,8 @@ def rerange(
     ] = None,
     json: options.Json = False,
 ) -> None:
-    """Range a recording again, with another estimator or calibration; the old one stays as it is."""
-    from picoradar.instrument.acquisition import rerange as range_again
+    """Range a recording by another estimator or calibration, from its raw samples; the old one stays as it is."""
+    from picoradar.instrument import acquisition
     from picoradar.instrument.calibration import Calibration
     from picoradar.instrument.cli.commands.info import describe_recording
     from picoradar.instrument.line import ScanLine
@@ -40,7 +42,7 @@ def rerange(
             bar.update(task, advance=1, note=f"line {line.index}")
 
         used = Calibration.load(calibration) if calibration is not None else None
-        range_again(recording, out, method=method, calibration=used, on_line=show)
+        acquisition.reprocess(recording, out, method=method, calibration=used, on_line=show)
     with Recording.open(out) as made:
         result = describe_recording(made)
     if json:

@@ -38,7 +38,7 @@ def resume(
     with session.session(settings, options.parse_speed(speed), faults=faults, calibration=calibration) as run:
         refuse_other_scanner(header, {name: str(identity) for name, identity in run.identities.items()}, recording)
         session.warm_up(run)
-        result, outcome = session.resume_scan(run, recording)
+        result, outcome, _ = session.resume_scan(run, recording)
     if json:
         output.print_json(result)
     else:

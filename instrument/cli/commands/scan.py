@@ -62,7 +62,7 @@ def scan(
         session.session(wanted, options.parse_speed(speed), written, faults=faults) as run,
     ):
         session.warm_up(run)
-        result, outcome = session.record_scan(run, path)
+        result, outcome, _ = session.record_scan(run, path)
     if json:
         output.print_json(result)
     else:

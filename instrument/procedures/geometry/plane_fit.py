@@ -169,9 +169,9 @@ def _system(
     residual, rows = stacked(scans, vector, zero_mm)
     values, planes = split(vector)
     identity = np.eye(len(vector))
-    told = [(number, scan.offset_mm) for number, scan in enumerate(scans) if scan.offset_mm is not None]
-    offsets = np.array([(planes[number, 2] - offset) / OFFSET_SD_MM for number, offset in told])
-    offset_rows = identity[[COUNT + 3 * number + 2 for number, _ in told]] / OFFSET_SD_MM
+    reported = [(number, scan.offset_mm) for number, scan in enumerate(scans) if scan.offset_mm is not None]
+    offsets = np.array([(planes[number, 2] - offset) / OFFSET_SD_MM for number, offset in reported])
+    offset_rows = identity[[COUNT + 3 * number + 2 for number, _ in reported]] / OFFSET_SD_MM
     return (
         np.concatenate([residual * weights, (values - prior) / SIZES, offsets]),
         np.concatenate([rows * weights[:, None], identity[:COUNT] / SIZES[:, None], offset_rows]),

@@ -16,7 +16,6 @@ from picoradar.instrument.procedures.gray_target.level import FloatArray, Level
 from picoradar.instrument.procedures.gray_target.report import judged
 from picoradar.instrument.procedures.station.findings import lost_readings, refused
 from picoradar.instrument.procedures.station.outcome import Outcome
-from picoradar.instrument.procedures.station.records import traces_of
 from picoradar.instrument.procedures.station.stage import Placing
 from picoradar.instrument.procedures.station.station import Station
 from picoradar.instrument.ranging import estimate, fit_walk, learn
@@ -67,8 +66,7 @@ def wedge(white: float, darkest: float, cards: int) -> FloatArray:
 def measure(station: Station, name: str, distance_mm: float, gray: float, readings: int) -> Level:
     """Put one card up and take its readings."""
     true_mm = station.stage.place(Placing("card", distance_mm, gray=gray))
-    records = traces_of(station.stare(name, readings))
-    return Level(gray, true_mm, records.traces_mv, records.times_ps, records.sweeps)
+    return Level(gray, true_mm, station.dwell(name, readings).trace)
 
 
 def calibrate(levels: Sequence[Level], before: Calibration) -> Calibration:
@@ -79,7 +77,7 @@ def calibrate(levels: Sequence[Level], before: Calibration) -> Calibration:
     BadInput
         When no card is bright enough for the range zero, or the cards are too few or too much alike.
     """
-    times, sweeps = levels[0].times_ps, levels[0].sweeps
+    times, sweeps = levels[0].trace.times_ps, levels[0].trace.sweeps
     templates, noise = learn([level.traces_mv for level in levels], times, sweeps=sweeps)
     bare = _bare(before).model_copy(update={"range_zero_mm": 0.0, "templates": templates, "noise": noise})
     errors = {method: [level.ranges(method, bare) for level in levels] for method in METHODS}

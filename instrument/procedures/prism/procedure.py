@@ -16,7 +16,6 @@ from picoradar.instrument.procedures.prism import body
 from picoradar.instrument.procedures.prism.pictures import draw_distances, draw_map
 from picoradar.instrument.procedures.station.findings import lost_readings, refused
 from picoradar.instrument.procedures.station.outcome import Outcome, Plot, Readings
-from picoradar.instrument.procedures.station.records import cloud_of, ranged_again, traces_of
 from picoradar.instrument.procedures.station.stage import Placing
 from picoradar.instrument.procedures.station.station import Station
 from picoradar.instrument.recording import Cloud
@@ -86,19 +85,18 @@ def run(station: Station, *, distance_mm: float = 900.0, averages: int = 8, thin
     from picoradar.registration import prepare_model
 
     station.progress(0.0, "scan")
-    told_mm = station.stage.place(Placing("prism", distance_mm))
-    start = body.model_from_scanner_at(told_mm)
-    places = body.model_places()[::thin, ::-thin]
-    wanted = (places - start[:3, 3]) @ start[:3, :3]  # the rotation's inverse is its transpose
-    path = station.aim("prism", wanted, averages=averages)
-    cloud, records = cloud_of(path), traces_of(path)
-    if lost := lost_readings(int(cloud.has_range.sum()), len(cloud), "the prism"):
+    reported_mm = station.stage.place(Placing("prism", distance_mm))
+    start = body.model_from_scanner_at(reported_mm)
+    points = body.model_points()[::thin, ::-thin]
+    wanted = (points - start[:3, 3]) @ start[:3, :3]  # the rotation's inverse is its transpose
+    measured = station.aim("prism", wanted, averages=averages)
+    if lost := lost_readings(int(measured.cloud.has_range.sum()), len(measured.cloud), "the prism"):
         return refused(NAME, lost, REMEDY)
     station.progress(0.9, "registration")
     model = prepare_model(body.VERTICES, body.FACES)
     evaluations = []
     for title, method, calibration in _ways(station.calibration):
-        seen = ranged_again(cloud, records, method, calibration).with_range()
+        seen = measured.reprocessed(method, calibration).with_range()
         evaluations.append(_evaluated(title, seen, calibration, model, start))
     best = evaluations[-1]
     if float(np.median(np.abs(best.distances.perpendicular))) > RIGHT_BODY_MM or best.turn_deg > LARGEST_TURN_DEG:

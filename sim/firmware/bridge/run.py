@@ -8,7 +8,16 @@ from __future__ import annotations
 
 from collections import Counter
 
-from picoradar.drivers.bridge.sbp import Caps, ConfigFlag, Configuration, ErrorCode, EventKind, FrameFlag, State, Window
+from picoradar.drivers.bridge.sbp import (
+    Caps,
+    ConfigFlag,
+    Configuration,
+    ErrorCode,
+    EventKind,
+    FrameFlag,
+    State,
+    WindowEntry,
+)
 from picoradar.drivers.clock import Clock, Timer
 from picoradar.sim.firmware.bridge.gate import TriggerGate
 from picoradar.sim.firmware.bridge.queue import FrameQueue
@@ -62,7 +71,7 @@ class Acquirer:
         self._reports = reports
         self._config_crc = 0
         self._deliveries: Counter[int] = Counter()
-        self._table: list[tuple[Window, ...]] = []
+        self._table: list[tuple[WindowEntry, ...]] = []
         self._table_row = 0
         self._run_start_s = 0.0
         self._record: Record | None = None
@@ -88,7 +97,7 @@ class Acquirer:
         self._table = []
         self._table_row = 0
 
-    def set_windows(self, table: list[tuple[Window, ...]]) -> None:
+    def set_windows(self, table: list[tuple[WindowEntry, ...]]) -> None:
         """Put a checked table of windows in force; a run that waits for one goes on."""
         self._table = table
         self._table_row = 0
@@ -177,14 +186,14 @@ class Acquirer:
         self._enter(State.RUNNING)
         self._timer = self._clock.call_at(self._record.end_s, self._end_record)
 
-    def _next_windows(self) -> tuple[Window, ...]:
+    def _next_windows(self) -> tuple[WindowEntry, ...]:
         """Get the windows of the next record; empty when the table is used up."""
         c = self.configuration
         if c is None:
             return ()
         if c.flags & ConfigFlag.WINDOWS:
             return self._table[self._table_row] if self._table_row < len(self._table) else ()
-        return (Window(c.start_fs, c.step_fs, c.samples, c.averages),)
+        return (WindowEntry(c.start_fs, c.step_fs, c.samples, c.averages),)
 
     def _watch_rate(self, configuration: Configuration) -> None:
         off = abs(self.prf_hz - configuration.prf_hz) > RATE_TOLERANCE * configuration.prf_hz
