@@ -184,9 +184,15 @@ def resume_scan(run: Session, path: Path) -> RecordedScan:
     ------
     Interrupted
         As `record_scan`.
+    BadInput
+        When it is no scan of a raster.
     RecordingError
         When nothing is missing, or another program writes to it.
     """
+    with Recording.open(path) as broken_off:
+        kind = broken_off.raster.get("plan", "raster")  # those of earlier versions do not say it
+    if kind != "raster":
+        raise BadInput(f"{path}: holds {kind} of a bench procedure, which cannot be resumed; run the procedure again")
     recording = Recording.resume(path)
     job = job_for(run, recording.missing)
     done = recording.done
