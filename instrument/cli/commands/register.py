@@ -16,7 +16,7 @@ from picoradar.instrument.errors import BadInput
 
 if TYPE_CHECKING:
     from picoradar.instrument.files.points import PointFile
-    from picoradar.registration import Registration
+    from picoradar.registration import Registration, Tolerance
 
 Method = Annotated[str, typer.Option(help="robust, or dissertation (ICP of the thesis; needs landmarks or a pose).")]
 Start = Annotated[
@@ -24,6 +24,13 @@ Start = Annotated[
     typer.Option(
         help="any, landmarks, or a JSON file with a 4x4 model_from_scanner or with the directions that the scanner may "
         'look from: {"towards": [x,y,z], "half_angle_deg": 20}, model frame.'
+    ),
+]
+
+ToleranceOption = Annotated[
+    str | None,
+    typer.Option(
+        "--tolerance", help="Largest error that the verdict allows: DEG,MM of rotation and at the targets (1,1)."
     ),
 ]
 
@@ -52,6 +59,7 @@ def register(
     noise_mm: Annotated[
         float | None, typer.Option(help="Range noise of a point, mm; estimated when not given.")
     ] = None,
+    tolerance: ToleranceOption = None,
     method: Method = "robust",
     start: Start = "any",
     json: Json = False,
@@ -60,7 +68,7 @@ def register(
     import picoradar.registration as reg
     from picoradar.instrument.files.points import read_points
 
-    chosen = checked_method(method)
+    chosen, allowed = checked_method(method), parse_tolerance(tolerance)
     begin = read_start(start, landmarks)
     places = read_targets(targets)
     regions = read_regions(exclude)
@@ -83,9 +91,11 @@ def register(
         targets=places,
         noise_mm=noise_mm,
         exclude=regions,
+        tolerance=allowed,
     )
     done = time.perf_counter()
-    described = describe(result, prepare_ms=(prepared_at - began) * 1e3, register_ms=(done - prepared_at) * 1e3)
+    duration = {"prepare_ms": (prepared_at - began) * 1e3, "register_ms": (done - prepared_at) * 1e3}
+    described = describe(result, allowed, **duration)
     if json:
         output.print_json(described)
     else:
@@ -94,9 +104,32 @@ def register(
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
 
 
-def describe(result: Registration, *, prepare_ms: float, register_ms: float) -> dict[str, Any]:
+def describe(result: Registration, tolerance: Tolerance, *, prepare_ms: float, register_ms: float) -> dict[str, Any]:
     """Describe a registration by the keys of the command's contract."""
-    return {**result.to_dict(), "prepare_ms": round(prepare_ms, 3), "register_ms": round(register_ms, 3)}
+    return {
+        **result.to_dict(),
+        "tolerance": {"rotation_deg": tolerance.rotation_deg, "target_mm": tolerance.target_mm},
+        "prepare_ms": round(prepare_ms, 3),
+        "register_ms": round(register_ms, 3),
+    }
+
+
+def parse_tolerance(text: str | None) -> Tolerance:
+    """Read ``DEG,MM``; None is what registration allows by itself.
+
+    Raises
+    ------
+    BadInput
+        When these are not two numbers above 0.
+    """
+    from picoradar.registration import Tolerance
+
+    if text is None:
+        return Tolerance()
+    rotation_deg, target_mm = parse_numbers(text, 2, "--tolerance", "DEG,MM, for example 1,1")
+    if not (rotation_deg > 0 and target_mm > 0):
+        raise BadInput(f"--tolerance {text!r}: both must be above 0; give DEG,MM, for example 1,1")
+    return Tolerance(rotation_deg, target_mm)
 
 
 def checked_method(text: str) -> Literal["robust", "dissertation"]:
