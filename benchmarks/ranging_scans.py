@@ -15,7 +15,7 @@ import structlog
 from numpy.typing import NDArray
 
 from picoradar.instrument.acquisition import Stop, places_of, plan_path
-from picoradar.instrument.cli import session
+from picoradar.instrument.cli import scanning, session
 from picoradar.instrument.cli.simulated import Simulated
 from picoradar.instrument.line import SUSPECT, Flag
 from picoradar.instrument.ranging import Place
@@ -67,7 +67,7 @@ def scan(seed: int, target: str, mode: str, size: int = 40, *, windows_too: bool
     with tempfile.TemporaryDirectory() as folder, session.session(settings, None) as run:
         path = Path(folder) / "scan.db"
         session.warm_up(run)
-        result, _, cloud = session.record_scan(run, path)
+        result, _, cloud = scanning.record_scan(run, path)
         with Recording.open(path) as recording:
             raw = [line.windows for line in recording.lines()] if windows_too and mode == "window" else []
         simulated = run.simulated

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from picoradar.instrument.acquisition.motion import MotionMonitor
 from picoradar.instrument.acquisition.plan import Plan
 from picoradar.instrument.controller import Between
 from picoradar.instrument.errors import BadInput
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import Flag, ScanLine
 from picoradar.instrument.ranging import LineBefore, Ranges, mark_footprint
 
@@ -91,7 +91,7 @@ class Acquisition:
         """Tell the sampler how records are taken."""
         self.capture.configure(sampler)
 
-    def header(self, identities: Mapping[str, Identity], *, seed: int | None, scale: CodeScale) -> dict[str, Any]:
+    def header(self, identities: Mapping[str, Identity], *, seed: int | None, scale: CodeScale) -> JsonObject:
         """Get the header of the recording: all that one must know to use or repeat the scan."""
         settings, calibration = self._setup.settings, self._setup.calibration
         return {
@@ -118,12 +118,12 @@ class Acquisition:
             },
         }
 
-    def state_dict(self) -> dict[str, Any]:
+    def state_dict(self) -> JsonObject:
         """Get what the next line needs to know of those before, as plain data."""
         before = None if self._before is None else self._before.state_dict()
         return {"motion": self._motion.state_dict(), "before": before, **self.capture.state_dict()}
 
-    def load_state(self, state: Mapping[str, Any]) -> None:
+    def load_state(self, state: JsonObject) -> None:
         """Go on from a `state_dict`, as if the lines before had just been taken."""
         if "motion" in state:  # recordings of earlier versions have none
             self._motion.load_state(state["motion"])
@@ -196,7 +196,7 @@ class _Row:
     row: int
     ranges: LineBefore
 
-    def state_dict(self) -> dict[str, Any]:
+    def state_dict(self) -> JsonObject:
         return {
             "row": self.row,
             "range_mm": self.ranges.range_mm.tolist(),
@@ -204,7 +204,7 @@ class _Row:
         }
 
     @classmethod
-    def from_state(cls, state: Mapping[str, Any]) -> _Row:
+    def from_state(cls, state: JsonObject) -> _Row:
         range_mm = np.array(state["range_mm"], dtype=np.float64)
         # Recordings of earlier versions have no variances: without them, the noise of that line is left out.
         known = state.get("variance_mm2")

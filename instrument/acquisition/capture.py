@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from picoradar.drivers.traces import Trace
 from picoradar.instrument.acquisition.plan import LinePlan, Plan
 from picoradar.instrument.calibration import Calibration, Method
 from picoradar.instrument.controller import Between
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import LineWindows
 from picoradar.instrument.ranging import Ranges
 from picoradar.instrument.settings import Settings
@@ -104,8 +104,8 @@ class Capture(Protocol):
         DeviceError
         """
 
-    def state_dict(self) -> dict[str, Any]:
+    def state_dict(self) -> JsonObject:
         """Get what the next line needs to know of those before, as plain data."""
 
-    def load_state(self, state: Mapping[str, Any]) -> None:
+    def load_state(self, state: JsonObject) -> None:
         """Go on from a `state_dict`."""

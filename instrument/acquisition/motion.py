@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.ranging import Ranges
 
 LARGEST_SHARE = 0.02  # of the scan's time that revisits may take
@@ -115,7 +114,7 @@ class MotionMonitor:
         sd = math.sqrt(variance_mm2 + self._first[1] + pointing)
         self.moved = not abs(range_mm - self._first[0]) <= SIGNIFICANT * sd  # also without an echo
 
-    def state_dict(self) -> dict[str, Any]:
+    def state_dict(self) -> JsonObject:
         """Get all that the next lines need to know, as plain data."""
         return {
             "moved": self.moved,
@@ -126,7 +125,7 @@ class MotionMonitor:
             "seen": self._seen,
         }
 
-    def load_state(self, state: Mapping[str, Any]) -> None:
+    def load_state(self, state: JsonObject) -> None:
         """Go on from a `state_dict`."""
         self.moved, self._slope, self._lines = state["moved"], state["slope"], state["lines"]
         self._point, self._first = (None if state[name] is None else tuple(state[name]) for name in ("place", "first"))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from picoradar.instrument.acquisition.line import reprocessed
 from picoradar.instrument.acquisition.window_ranging import range_line
 from picoradar.instrument.calibration import Calibration, Method
 from picoradar.instrument.errors import BadInput
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import Flag, ScanLine
 from picoradar.instrument.ranging import LineBefore, Ranges, estimate, mark_footprint
 from picoradar.instrument.recording import Recording
@@ -107,7 +107,7 @@ def _own_calibration(recording: Recording) -> Calibration:
     return Calibration.model_validate(content)
 
 
-def _header(old: dict[str, Any], source: Path, calibration: Calibration, method: Method) -> dict[str, Any]:
+def _header(old: JsonObject, source: Path, calibration: Calibration, method: Method) -> JsonObject:
     kept = {key: value for key, value in old.items() if key not in ("versions", "calibration_digest")}
     return {
         **kept,

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +12,7 @@ from picoradar.drivers.traces import Trace
 from picoradar.instrument.acquisition.capture import Captured, Devices, Revisit, Setup
 from picoradar.instrument.acquisition.plan import LinePlan, Plan
 from picoradar.instrument.calibration import Method
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.ranging import Ranges, estimate
 from picoradar.instrument.settings import Settings
 
@@ -80,11 +79,11 @@ class SweepCapture:
             traces=replace(trace, times_ps=self.sweep.times_ps),
         )
 
-    def state_dict(self) -> dict[str, Any]:
+    def state_dict(self) -> JsonObject:
         """Get what the next line needs to know of those before: nothing."""
         return {}
 
-    def load_state(self, state: Mapping[str, Any]) -> None:
+    def load_state(self, state: JsonObject) -> None:
         """Do nothing: no line depends on those before."""
 
     def _fly_to(self, codes: NDArray[np.int64], galvo: Galvo) -> None:

@@ -7,9 +7,9 @@ taken again with a wide window, in a short path of its own.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,7 @@ from picoradar.instrument.acquisition.plan import LinePlan, Plan
 from picoradar.instrument.acquisition.window_ranging import range_line, range_windows
 from picoradar.instrument.calibration import Method
 from picoradar.instrument.errors import BadInput
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import LineWindows
 from picoradar.instrument.ranging import Place, PlanSettings, Ranges, WindowPlanner
 
@@ -113,11 +114,11 @@ class WindowCapture:
         free_s = 2 * self._scanner.window_settle_ms * 1e-3  # settling, and about as long on the echo
         return fly_s + REVISIT_S, fly_s + columns * free_s
 
-    def state_dict(self) -> dict[str, Any]:
+    def state_dict(self) -> JsonObject:
         """Get what the next line is planned from."""
         return self._planner.memory()
 
-    def load_state(self, state: Mapping[str, Any]) -> None:
+    def load_state(self, state: JsonObject) -> None:
         """Plan on as if the lines before had just been taken."""
         self._planner.recall(state)
 

@@ -6,13 +6,14 @@ import json
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from picoradar.instrument.cli.commands.register import describe
 from picoradar.instrument.cli.simulated import Simulated, checked_simulation
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.recording import Cloud, Recording
 from picoradar.instrument.report import RegisteredScan, Surface, write_report
 from picoradar.instrument.settings import Settings, to_toml
@@ -35,8 +36,8 @@ class DemoRegistration:
     """
 
     registered: RegisteredScan
-    described: dict[str, Any]
-    landmarks: list[dict[str, Any]]
+    described: JsonObject
+    landmarks: list[JsonObject]
 
 
 def register_scan(
@@ -82,9 +83,7 @@ def _truth_error(
     }
 
 
-def write_folder(
-    folder: Path, settings: Settings, cloud: Cloud, found: DemoRegistration, summary: dict[str, Any]
-) -> None:
+def write_folder(folder: Path, settings: Settings, cloud: Cloud, found: DemoRegistration, summary: JsonObject) -> None:
     """Write the report and, beside it, all that is needed to do each step again by hand."""
     import trimesh
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from picoradar.drivers.interfaces import Identity
 from picoradar.instrument.bench import Bench
 from picoradar.instrument.controller.machine import StateMachine
 from picoradar.instrument.controller.requests import Requests
 from picoradar.instrument.controller.supervision import Supervisor
+from picoradar.instrument.events import Log
 from picoradar.instrument.settings import Settings
 
 POLL_S = 0.2
@@ -27,7 +27,7 @@ class RunContext:
     supervisor: Supervisor
     requests: Requests
     known: Mapping[str, Identity]
-    log: Any
+    log: Log
 
 
 def reach_working_point(context: RunContext, between: Callable[[], None]) -> bool:

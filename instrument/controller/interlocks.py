@@ -117,8 +117,12 @@ def interlocks(settings: Settings, exposure: Exposure) -> tuple[Interlock, ...]:
     exposure : Exposure
         Bound of the pulse energy, for the mean power at the measured rate.
     """
-    target, drive_v, prf_hz = settings.diode.target_degc, settings.pulser.drive_v, settings.pulser.prf_hz
-    reference_ps = settings.sampler.reference_ps
+    return (*_of_bridge(settings, exposure), *_of_pulser(settings), *_of_diode(settings), *_of_line(settings))
+
+
+def _of_bridge(settings: Settings, exposure: Exposure) -> tuple[Interlock, ...]:
+    """Interlocks that every status of the bridge tells of."""
+    prf_hz = settings.pulser.prf_hz
     return (
         Interlock(
             "interlock line", "", lambda r: _truth(r.sampler.interlock_closed) if r.sampler else None,
@@ -146,6 +150,13 @@ def interlocks(settings: Settings, exposure: Exposure) -> tuple[Interlock, ...]:
             "mean power", "of class 1", lambda r: exposure.share(r.sampler.trigger_hz) if r.sampler else None,
             0, 1, "off", "light would leave class 1: lower rate or drive voltage", emitting_only=True,
         ),
+    )  # fmt: skip
+
+
+def _of_pulser(settings: Settings) -> tuple[Interlock, ...]:
+    """Interlocks of the drive supply and the transmitter."""
+    drive_v = settings.pulser.drive_v
+    return (
         Interlock(
             "supply enable", "", lambda r: _truth(r.pulser.interlock_closed) if r.pulser else None,
             1, 1, "abort", "close the ENA terminals of the drive supply",
@@ -163,6 +174,13 @@ def interlocks(settings: Settings, exposure: Exposure) -> tuple[Interlock, ...]:
             lambda r: r.pulser.measured_v**2 * r.pulser.prf_hz / TRANSMITTER_HEAT.value if r.pulser else None,
             0, 1.02, "off", "drive voltage squared times rate overheats the transmitter", emitting_only=True,
         ),
+    )  # fmt: skip
+
+
+def _of_diode(settings: Settings) -> tuple[Interlock, ...]:
+    """Interlocks of the diode's temperature."""
+    target = settings.diode.target_degc
+    return (
         Interlock(
             "diode regulation", "", lambda r: _truth(r.diode.regulating and not r.diode.problem) if r.diode else None,
             1, 1, "off", "the temperature controller has stopped: read its error, reset it",
@@ -175,6 +193,13 @@ def interlocks(settings: Settings, exposure: Exposure) -> tuple[Interlock, ...]:
             "diode temperature", "degC", lambda r: r.diode.temperature_degc if r.diode else None,
             target - 0.2, target + 0.2, "suspend", "the scan waits for the diode", hysteresis=0.05, hold_off_s=0.5,
         ),
+    )  # fmt: skip
+
+
+def _of_line(settings: Settings) -> tuple[Interlock, ...]:
+    """Interlocks of mirrors, reference and recording, judged once a line."""
+    reference_ps = settings.sampler.reference_ps
+    return (
         Interlock(
             "mirrors", "", lambda r: _truth(r.mirrors_answer),
             1, 1, "abort", "the galvo controller does not answer: check its cable and supply",

@@ -6,12 +6,13 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from picoradar.drivers.interfaces import Galvo, Sampler
 from picoradar.instrument.controller.safety import SafeState
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import Flag, ScanLine
 
 Sink = Callable[[ScanLine], None]
@@ -38,7 +39,7 @@ class ScanJob(Protocol):
     def reference(self) -> tuple[float, float | None]:
         """Get the lowest amplitude (mV) and median place (ps) of the reference in the last line; 0 and None: none."""
 
-    def state_dict(self) -> dict[str, Any]:
+    def state_dict(self) -> JsonObject:
         """Get what the next line needs to know of those before, as plain data; empty for nothing."""
 
     def take_line(self, row: int, galvo: Galvo, sampler: Sampler, between: Between) -> ScanLine:

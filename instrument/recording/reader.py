@@ -14,6 +14,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import ScanLine
 from picoradar.instrument.recording import rows
 from picoradar.instrument.recording.cloud import Cloud, cloud_of
@@ -60,13 +61,13 @@ class Reader:
         self.close()
 
     @property
-    def raster(self) -> dict[str, Any]:
+    def raster(self) -> JsonObject:
         """Get rows, columns, step_mm, mode, averages."""
-        raster: dict[str, Any] = self.header["raster"]
+        raster: JsonObject = self.header["raster"]
         return raster
 
     @property
-    def trace(self) -> dict[str, Any]:
+    def trace(self) -> JsonObject:
         """Get start_ps, step_ps, samples, zero_code, mv_per_code of the traces.
 
         Raises
@@ -119,7 +120,7 @@ class Reader:
         return None if verified is None else bool(verified)
 
     @property
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> JsonObject:
         """Get the figures given to `finish`."""
         text = self._value("SELECT summary FROM scan")
         return {} if text is None else self._json(text, "the summary")
@@ -200,7 +201,7 @@ class Reader:
         found = self._rows("SELECT t, kind, state, data FROM event ORDER BY id")
         return [Event(t, kind, state, self._json(data, "an event")) for t, kind, state, data in found]
 
-    def _read_header(self) -> dict[str, Any]:
+    def _read_header(self) -> JsonObject:
         found = self._rows("SELECT header, header_crc32 FROM scan")
         if not found:
             raise RecordingError(self.path, "has no header", "it was broken off at its very beginning; scan again")
@@ -209,7 +210,7 @@ class Reader:
             raise RecordingError(self.path, "the check sum of the header does not fit", "restore it from a copy")
         return self._json(text, "the header")
 
-    def _json(self, text: str, what: str) -> dict[str, Any]:
+    def _json(self, text: str, what: str) -> JsonObject:
         try:
             content = json.loads(text)
         except ValueError as error:

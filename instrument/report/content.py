@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import Flag
 from picoradar.instrument.recording import Cloud, Recording
 from picoradar.instrument.report.page import Banner
@@ -74,7 +75,7 @@ def figures(cloud: Cloud, registered: RegisteredScan | None) -> list[tuple[str, 
 
 
 def facts(
-    recording: Recording, cloud: Cloud, registered: RegisteredScan | None, summary: Mapping[str, Any]
+    recording: Recording, cloud: Cloud, registered: RegisteredScan | None, summary: JsonObject
 ) -> list[tuple[str, str]]:
     """Return the table of key figures, as (name, value)."""
     found = [] if registered is None else _facts_of_registration(registered)

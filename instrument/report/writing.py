@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.files.export import export
 from picoradar.instrument.recording import Cloud, Recording, plain
 from picoradar.instrument.report import content
@@ -31,7 +31,7 @@ def write_report(
     recording: Recording,
     cloud: Cloud | None = None,
     registered: RegisteredScan | None = None,
-    summary: Mapping[str, Any],
+    summary: JsonObject,
 ) -> Path:
     """Write ``report.html`` (self-contained), its pictures, ``cloud.ply`` and ``result.json`` into a folder.
 
@@ -63,28 +63,17 @@ def write_report(
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     cloud = recording.cloud() if cloud is None else cloud
-    points = cloud.with_range()
-    registration = None if registered is None else registered.registration
-    if registration is not None and len(registration.residuals) != len(points):
-        raise ValueError(f"the registration has {len(registration.residuals)} points, the recording {len(points)}")
+    points = int(cloud.has_range.sum())
+    if registered is not None and (count := len(registered.registration.residuals)) != points:
+        raise ValueError(f"the registration has {count} points, the recording {points}")
     export(recording, target / "cloud.ply")
     result = json.dumps(plain(summary), indent=2, sort_keys=True, allow_nan=False, ensure_ascii=False)
     (target / "result.json").write_text(result + "\n", encoding="utf-8")
-    pictures = []
-    if registered is not None and len(points):
-        if registered.model is not None:
-            pictures.append(_overlay(target, points, registered.registration, registered.model))
-        pictures.append(_histogram(target, registered.registration))
-    if len(points):
-        pictures.append(_cloud(target, cloud))
-        pictures += _waveform(target, recording, cloud)
-    if registration is not None and registration.history:
-        pictures.append(_convergence(target, registration))
     page = Page(
         title=f"picoradar: report on {recording.path.name}",
         banners=content.banners(recording, registered),
         figures=content.figures(cloud, registered),
-        pictures=pictures,
+        pictures=_pictures(target, recording, cloud, registered),
         facts=content.facts(recording, cloud, registered, summary),
         details=[
             ("Result (as in result.json)", result),
@@ -95,6 +84,21 @@ def write_report(
     file = target / "report.html"
     file.write_text(page.html(), encoding="utf-8")
     return file
+
+
+def _pictures(target: Path, recording: Recording, cloud: Cloud, registered: RegisteredScan | None) -> list[Picture]:
+    points = cloud.with_range()
+    pictures = []
+    if registered is not None and len(points):
+        if registered.model is not None:
+            pictures.append(_overlay(target, points, registered.registration, registered.model))
+        pictures.append(_histogram(target, registered.registration))
+    if len(points):
+        pictures.append(_cloud(target, cloud))
+        pictures += _waveform(target, recording, cloud)
+    if registered is not None and registered.registration.history:
+        pictures.append(_convergence(target, registered.registration))
+    return pictures
 
 
 def _overlay(target: Path, points: Cloud, registration: Registration, model: Surface) -> Picture:

@@ -9,6 +9,7 @@ from picoradar.instrument.settings.limits import (
     max_drive_v,
 )
 from picoradar.instrument.settings.tables import (
+    DiodeSettings,
     Links,
     PulserSettings,
     ScannerSettings,
@@ -25,6 +26,7 @@ __all__ = [
     "MIN_DISTANCE",
     "TRANSMITTER_HEAT",
     "WATCHDOG",
+    "DiodeSettings",
     "Limit",
     "Links",
     "PulserSettings",

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from picoradar.instrument.acquisition import reprocess
-from picoradar.instrument.cli.session import Session, record_scan, session
+from picoradar.instrument.cli.scanning import record_scan, resume_scan
+from picoradar.instrument.cli.session import Session, session
 from picoradar.instrument.cli.stages import SimulatedStage
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.line import Flag
@@ -102,8 +103,6 @@ def test_what_is_measured_is_what_is_recorded(with_station: Any, tmp_path: Path)
 
 
 def test_a_recording_of_a_procedure_is_not_resumed_as_a_raster(with_station: Any, tmp_path: Path) -> None:
-    from picoradar.instrument.cli.session import resume_scan
-
     def again(station: Station, run: Session) -> None:
         path = station.dwell("dwell", 4).recording
         with pytest.raises(BadInput, match="points"):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from picoradar.drivers.clock import Clock
 from picoradar.drivers.interfaces import Galvo, Record, Sampler, SweepSettings
 from picoradar.instrument.controller import Between
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import ScanLine
 
 FloatArray = NDArray[np.float64]
@@ -71,7 +72,7 @@ class LightJob:
         """Get the reference: the job does not measure it, and calls it ordinary lest the laser be stopped."""
         return ORDINARY_REFERENCE_MV, None
 
-    def state_dict(self) -> dict[str, Any]:
+    def state_dict(self) -> JsonObject:
         """Get what the next line needs to know: nothing."""
         return {}
 

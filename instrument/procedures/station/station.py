@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from picoradar.instrument.calibration import (
 )
 from picoradar.instrument.controller import Controller
 from picoradar.instrument.errors import Interrupted
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import ScanLine
 from picoradar.instrument.procedures.station.light import LightMeters
 from picoradar.instrument.procedures.station.measured import Measured
@@ -165,7 +166,7 @@ class Station:
 
     def _setup(self, **scan: float | None) -> Setup:
         """Return what an acquisition goes by, with some settings of the scan replaced; traces are always kept."""
-        changes: Mapping[str, Any] = {**scan, "keep_traces": True}
+        changes: JsonObject = {**scan, "keep_traces": True}
         return Setup(override(self.settings, {"scan": changes}), self.calibration, self.clock)
 
     def _take(self, name: str, job: Acquisition) -> Measured:
