@@ -54,6 +54,12 @@ class Device(Protocol):
         """Get maker's model, serial number and firmware."""
 
 
+PRF_HZ = (20e3, 240e3)
+DRIVE_V = (240.0, 330.0)
+"""Rate and drive voltage that the pulser takes (docs/devices.md); below 234 V the diode does not give its short pulse
+(dissertation, figure 2.5)."""
+
+
 @dataclass(frozen=True)
 class PulserStatus:
     """One look at the pulser.

@@ -29,7 +29,7 @@ class Acquisition:
     """Takes the lines of a plan by a capture, judges them, and puts them into space.
 
     Where the plan is a raster, neighbours tell whether a spot lies on one surface (`Flag.MIXED`). Any plan of enough
-    lines is watched over by a `MotionMonitor`.
+    lines is monitored by a `MotionMonitor`.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Acquisition:
     Attributes
     ----------
     shots : int
-        Laser shots sampled so far at the plan's points (without those that settle or watch for motion): divided by
+        Laser shots sampled so far at the plan's points (without those that settle or monitor motion): divided by
         the PRF, the time that shots alone take.
 
     Raises

@@ -1,4 +1,4 @@
-"""`MotionMonitor`: whether the target still stands where it stood, told by one point that is measured again."""
+"""`MotionMonitor`: whether the target still stands where it stood, judged by one point that is measured again."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ BRIGHT, DARK = 0.7, 0.28  # reflectances; their difference shows whether the wal
 LIMIT_MM = 0.1  # of the mean range with the reference, over the whole time
 WARM_SDS = 4.0  # of the wander of a warm radar; more is a warm-up
 FAR_OFF_MM = 10.0  # no range zero is so wrong
-LEAST_DARKER = 1.5  # bright response over dark; 2.5 is asked for
+MIN_DARKER = 1.5  # bright response over dark; 2.5 is asked for
 REMEDY = "Leave the plate where it is for the whole time, keep the room steady, and run this again."
 
 
@@ -59,7 +59,7 @@ def run(station: Station, *, hours: float = 2.0, interval_s: float = 120.0, read
         )
         return refused(NAME, found, REMEDY)
     darker = float(np.nanmedian(bright.response_mv) / np.nanmedian(dark.response_mv))
-    if darker < LEAST_DARKER:
+    if darker < MIN_DARKER:
         asked = f"asked was a factor of {BRIGHT / DARK:.1f}"
         found = f"The second plate is not darker: its echo is weaker by {darker:.2f} times, {asked}."
         return refused(NAME, found, REMEDY)

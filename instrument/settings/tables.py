@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from picoradar.drivers.interfaces import DRIVE_V, PRF_HZ
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.settings.limits import MAX_DISTANCE, MIN_DISTANCE, max_drive_v
 
@@ -62,8 +63,8 @@ class Links(Section):
 class PulserSettings(Section):
     """Pulser of the laser diode."""
 
-    prf_hz: float = Field(80_000.0, ge=20_000, le=240_000, description="pulse repetition frequency, Hz")
-    drive_v: float = Field(290.0, ge=240, le=330, description="drive voltage, V")
+    prf_hz: float = Field(80_000.0, ge=PRF_HZ[0], le=PRF_HZ[1], description="pulse repetition frequency, Hz")
+    drive_v: float = Field(290.0, ge=DRIVE_V[0], le=DRIVE_V[1], description="drive voltage, V")
     measured_output: tuple[tuple[float, float, float], ...] = Field(
         ((290.0, 80_000.0, 0.300), (330.0, 20_000.0, 0.103)),
         min_length=1,

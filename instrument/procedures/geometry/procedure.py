@@ -23,7 +23,7 @@ from picoradar.instrument.procedures.station.station import Station
 NAME = "geometry"
 FIELD_SHARE = 0.87  # of the scanner's field that a scan covers, with room for offsets of the mirrors
 WANTED_GRAY = 0.70  # reflectance that gives about 50 mV at 1 m, where the timing walk is flat
-LEAST_INLIERS = 0.8
+MIN_INLIERS = 0.8
 MISPLACED_MM = 40.0  # a scanner that is 1 deg off sees a plate turned by 55 deg 20 mm off
 FLAT_FACTOR = 2.0  # noise about the planes over the ranging noise: above, what stands there is not flat
 REMEDY = "Put the flat plate up in the poses asked for, so that it fills the scan, and run this again."
@@ -61,7 +61,7 @@ def run(
     station.progress(1.0, "fitting")
     before = station.calibration
     fit = fit_planes(taken[:-1], before)
-    if fit.inliers.mean() < LEAST_INLIERS or fit.noise_factor > FLAT_FACTOR:
+    if fit.inliers.mean() < MIN_INLIERS or fit.noise_factor > FLAT_FACTOR:
         return refused(NAME, _not_flat(fit.noise_factor, float(fit.inliers.mean())), REMEDY)
     how = f"bench procedure {NAME}: plate in {len(poses)} poses, {points_a_side} x {points_a_side} points each"
     calibration = station.stamped(fit.applied_to(before), f"{how}, {station.stage}; before: {before.provenance}")

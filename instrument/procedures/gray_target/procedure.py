@@ -24,7 +24,7 @@ NAME = "gray-target"
 WALK_FREE_MV = 40.0  # the range zero is taken above: there the walk is flat (figure 2.15)
 WHITE, DARKEST = 0.9, 0.083  # reflectances
 DISTANCE_MM = 800.0  # white gives 100 mV there, a tenth below the end of the A/D: all that a scan can meet is covered
-LEAST_SPAN = 2.5  # brightest over darkest response: less is no gray wedge
+MIN_SPAN = 2.5  # brightest over darkest response: less is no gray wedge
 REFERENCE_ROOM_PS = 400.0  # rate, voltage and temperature move it by some 200 ps
 REMEDY = "Put gray cards between white and black at the stated distance, square to the beam, and run this again."
 
@@ -113,7 +113,7 @@ def no_wedge(levels: Sequence[Level], calibration: Calibration) -> str:
     bare = _bare(calibration)
     means: FloatArray = np.array([np.median(level.ranges("half-maximum", bare)[0]) for level in levels])
     span = float(means.max() / means.min())
-    if span < LEAST_SPAN:
+    if span < MIN_SPAN:
         return f"The responses differ by a factor of {span:.2f} only: this is no series of gray cards (a plain plate?)."
     if np.any(np.diff(means) > 0.05 * means[:-1]):
         return "The responses do not fall from card to card: the cards stand in another order than asked for."

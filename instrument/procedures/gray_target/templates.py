@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 NAME = "templates"
 WHITE, DARKEST = 0.9, 0.1
-LEAST_GAIN = 2.0  # in standard deviation over the half-maximum estimator
+MIN_GAIN = 2.0  # in standard deviation over the half-maximum estimator
 REMEDY = "Put gray cards between white and black at one place, square to the beam, and run this again."
 
 
@@ -71,7 +71,7 @@ def _judged(held: list[Level], after: Calibration, shapes: Templates) -> Outcome
         rows.append((level.gray, by_shape[0].mean(), half[1].std(ddof=1), by_shape[1].std(ddof=1)))
     table = np.array(rows)
     gain = float(np.min(table[:, 2] / table[:, 3]))
-    passed = gain >= LEAST_GAIN
+    passed = gain >= MIN_GAIN
     figures: dict[str, float | int | str | bool | None] = {
         "least_gain_in_sd": gain,
         "half_maximum_sd_brightest_mm": float(table[0, 2]),

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from picoradar.registration import Model
 
 NAME = "prism"
-WITHIN_MM, LEAST_SHARE_WITHIN = 1.0, 0.95  # along the beam (figure 4.16: 97 %)
+WITHIN_MM, MIN_SHARE_WITHIN = 1.0, 0.95  # along the beam (figure 4.16: 97 %)
 GOAL_LARGEST_MM, GOAL_MEAN_MM = 0.5, 0.12  # along the beam; perpendicular
 SPOT_RADIUS_MM = 0.5
 RIGHT_BODY_MM = 2.0
@@ -144,7 +144,7 @@ def _judged(evaluations: list[Evaluation]) -> Outcome:
     figures["points_on_one_face"] = int(best.on_one_face.sum())
     figures["goal_reached"] = goal
     figures["goal_reached_on_one_face"] = goal_on_face
-    passed = share >= LEAST_SHARE_WITHIN
+    passed = share >= MIN_SHARE_WITHIN
     findings = [
         f"{100 * share:.1f} % of {len(best.points_mm)} points lie within 1 mm of the prism along the beam "
         f"({best.title}); the largest distance is {largest:.2f} mm. The dissertation had 97 % and 1.3 mm.",
