@@ -15,6 +15,7 @@ from picoradar.drivers.clock import VirtualClock
 from picoradar.drivers.traces import CodeScale, Trace, Window
 from picoradar.instrument.acquisition import (
     Acquisition,
+    Captured,
     MonitorPlan,
     PointsPlan,
     RasterPlan,
@@ -25,6 +26,8 @@ from picoradar.instrument.acquisition import (
 )
 from picoradar.instrument.calibration import CENTRE_CODE, Calibration
 from picoradar.instrument.errors import BadInput
+from picoradar.instrument.line import Flag, ScanLine
+from picoradar.instrument.ranging import Ranges
 from picoradar.instrument.settings import Settings, override
 
 SCALE = CodeScale(32.0, 0.5)
@@ -137,3 +140,63 @@ def test_a_window_knows_its_shots_and_its_end() -> None:
     window = Window(4200.0, 6.7, 96, 3)
     assert window.shots(16) == 3 * 112
     assert window.end_ps == pytest.approx(4200.0 + 95 * 6.7)
+
+
+class KnownLines:
+    """A capture without devices: gives the ranges of each row, with one standard deviation."""
+
+    mode, estimator, raw_bytes = "known", "template", 0
+
+    def __init__(self, range_mm: np.ndarray, sd_mm: float) -> None:
+        self._range_mm, self._sd_mm = range_mm, sd_mm
+
+    def configure(self, sampler: Any) -> None:
+        """Do nothing."""
+
+    def times_s(self, columns: int) -> tuple[float, float]:
+        return 1.0, float(columns)
+
+    def state_dict(self) -> dict[str, Any]:
+        return {}
+
+    def load_state(self, state: Any) -> None:
+        """Do nothing."""
+
+    def take(self, plan: Any, line: Any, revisit: Any, devices: Any) -> Captured:
+        range_mm = self._range_mm[line.row]
+        ones = np.ones(len(range_mm))
+        flags = np.zeros(len(range_mm), dtype=np.uint16)
+        ranges = Ranges(range_mm, self._sd_mm**2 * ones, 40 * ones, flags, 0 * ones, 7400 * ones, 30 * ones, ones)
+        return Captured(ranges, sweeps=8, shots=100)
+
+
+@pytest.mark.parametrize(("sd_mm", "found"), [(0.1, True), (1.0, False)])
+def test_a_raster_is_judged_against_the_line_before_and_its_noise(setup: Setup, sd_mm: float, found: bool) -> None:
+    """6 mm from line to line at a step of 1 mm are more than a surface has; five sigma of two ranges are 7 mm at most."""
+    lines = np.array([[900.0] * 5, [906.0] * 5, [912.0] * 5])
+
+    def second_line(job: Acquisition) -> ScanLine:
+        return job.take_line(1, None, None, lambda: None)  # type: ignore[arg-type]
+
+    def job() -> Acquisition:
+        plan = RasterPlan(3, 5, 1.0, 900.0)
+        return Acquisition(plan, KnownLines(lines, sd_mm), setup)
+
+    through, resumed = job(), job()
+    first = through.take_line(0, None, None, lambda: None)  # type: ignore[arg-type]
+    assert not first.flags.any()
+    resumed.load_state(json.loads(json.dumps(through.state_dict())))
+    for one in (through, resumed):
+        assert ((second_line(one).flags & np.uint16(Flag.MIXED)) != 0).tolist() == [found] * 5
+        assert one.shots in (100, 200)
+        assert one.reference == (30.0, 7400.0)
+    skipping = job()
+    skipping.take_line(0, None, None, lambda: None)  # type: ignore[arg-type]
+    assert not skipping.take_line(2, None, None, lambda: None).flags.any()  # type: ignore[arg-type]
+
+
+def test_points_that_are_no_raster_are_not_judged_by_their_neighbours(setup: Setup) -> None:
+    lines = np.array([[900.0, 950.0, 900.0, 950.0, 900.0], [700.0] * 5])
+    job = Acquisition(PointsPlan(np.full((2, 5, 2), CENTRE_CODE), 10.0), KnownLines(lines, 0.1), setup)
+    for row in range(2):
+        assert not job.take_line(row, None, None, lambda: None).flags.any()  # type: ignore[arg-type]

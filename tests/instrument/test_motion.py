@@ -113,3 +113,14 @@ def test_it_goes_on_from_what_the_recording_holds() -> None:
     second.load_state(json.loads(json.dumps(first.state_dict())))
     assert dataclasses.asdict(second) == dataclasses.asdict(first)
     assert before + run(second, off[14:], rng) == expected
+
+
+@pytest.mark.parametrize(("off_mm", "moved"), [(1.1, False), (1.3, True)])
+def test_without_a_known_step_the_surface_may_be_steep(off_mm: float, moved: bool) -> None:
+    """Five sigma of two ranges (0.13 mm each) and the pointing (0.035 mm) at a slope of 3 are 1.21 mm; at 0, 0.95."""
+    monitor, column = watch(), np.full(12, 900.0)
+    monitor.line_done(0, ranges(column), None, None)
+    assert monitor.point is not None
+    monitor.line_done(1, ranges(column), None, ranges(np.array([900.0])))
+    monitor.line_done(2, ranges(column), None, ranges(np.array([900.0 + off_mm])))
+    assert monitor.moved is moved
