@@ -14,8 +14,8 @@ import numpy as np
 import structlog
 from numpy.typing import NDArray
 
-from picoradar.instrument.acquisition import Stop, lay_path, places_of
-from picoradar.instrument.cli import session
+from picoradar.instrument.acquisition import Stop, places_of, plan_path
+from picoradar.instrument.cli import scanning, session
 from picoradar.instrument.cli.simulated import Simulated
 from picoradar.instrument.line import SUSPECT, Flag
 from picoradar.instrument.ranging import Place
@@ -67,9 +67,8 @@ def scan(seed: int, target: str, mode: str, size: int = 40, *, windows_too: bool
     with tempfile.TemporaryDirectory() as folder, session.session(settings, None) as run:
         path = Path(folder) / "scan.db"
         session.warm_up(run)
-        result, _ = session.record_scan(run, path)
+        result, _, cloud = scanning.record_scan(run, path)
         with Recording.open(path) as recording:
-            cloud = recording.cloud()
             raw = [line.windows for line in recording.lines()] if windows_too and mode == "window" else []
         simulated = run.simulated
         if not isinstance(simulated, Simulated):
@@ -79,7 +78,7 @@ def scan(seed: int, target: str, mode: str, size: int = 40, *, windows_too: bool
 
 
 def _runs_of(cloud: Cloud, mode: str, size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return run id and record number of each place, as `RasterScan` and `WindowScan` number them."""
+    """Return run id and record number of each place, as `SweepCapture` and `WindowCapture` number them."""
     rows, columns = cloud.rows.astype(np.int64), cloud.columns.astype(np.int64)
     if mode == "sweep":
         return rows * size + columns + 1, np.zeros_like(rows)
@@ -101,7 +100,7 @@ def reckoned_s(lines: Sequence[Sequence[Place]], settings: Settings, prf_hz: flo
             )
             for place in places
         ]
-        path = lay_path(blank, scanner.window_flyback_ms * 1e-3, stops)
+        path = plan_path(blank, scanner.window_flyback_ms * 1e-3, stops)
         total_s += len(path.codes) / path.rate_hz + SENDING_S
     return total_s
 

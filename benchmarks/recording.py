@@ -23,11 +23,13 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
+from picoradar.drivers.traces import CodeScale, Trace
 from picoradar.instrument.line import ScanLine
 from picoradar.instrument.recording import Recording
 
 WRITER = Path(__file__).resolve().parents[1] / "tests" / "instrument" / "recording_writer.py"
 SAMPLES, SWEEPS = 1430, 8
+FORM = {"start_ps": 6500.0, "step_ps": 6.7, "samples": SAMPLES, "zero_code": 40.0, "mv_per_code": 0.5}
 KILLS_A_FILE = 10
 
 
@@ -52,7 +54,7 @@ def line(index: int, count: int, sums: NDArray[np.uint16] | None, rng: np.random
         range_variance_mm2=rng.normal(size=count),
         response_mv=rng.normal(size=count),
         flags=np.zeros(count, dtype=np.uint16),
-        sums=sums,
+        traces=None if sums is None else Trace(sums, SWEEPS, 6500.0 + 6.7 * np.arange(SAMPLES), CodeScale(40.0, 0.5)),
         sweeps=SWEEPS,
         device_time_s=float(index),
     )
@@ -69,12 +71,14 @@ def measure_lines(folder: Path) -> None:
             with tempfile.TemporaryDirectory(dir=folder) as place:
                 path = Path(place) / "scan.db"
                 times = []
-                with Recording.create(path, {"raster": {"rows": len(lines), "columns": count}}) as recording:
+                with Recording.create(
+                    path, {"raster": {"rows": len(lines), "columns": count}, "trace": FORM}
+                ) as recording:
                     for entry in lines:
                         began = time.perf_counter()
                         recording.append(entry)
                         times.append(1e3 * (time.perf_counter() - began))
-                    recording.finish("complete", True)
+                    recording.finish("complete", laser_off_verified=True)
                 began = time.perf_counter()
                 with Recording.open(path) as recording:
                     whole = all(check.ok for check in recording.check())

@@ -12,10 +12,8 @@ from picoradar.drivers.clock import Clock
 from picoradar.drivers.dg645 import DG645, Channel, Inhibit, InstrumentStatus, Output, TriggerSource
 from picoradar.drivers.errors import DeviceError, DeviceFault, LimitError, check_range
 from picoradar.drivers.genesys import Fault, Genesys, Status
-from picoradar.drivers.interfaces import Identity, PulserStatus
+from picoradar.drivers.interfaces import DRIVE_V, PRF_HZ, Identity, PulserStatus
 
-PRF_HZ = (20e3, 240e3)
-DRIVE_V = (240.0, 330.0)
 OVERVOLTAGE_V = 350.0
 UNDERVOLTAGE_V = 0.0
 CURRENT_A = 0.1

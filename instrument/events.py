@@ -4,9 +4,31 @@ from __future__ import annotations
 
 import logging
 import sys
-from typing import Any, TextIO
+from typing import Any, Protocol, TextIO
 
 import structlog
+
+JsonObject = dict[str, Any]
+"""What JSON calls an object: plain data by name."""
+
+
+class Log(Protocol):
+    """A logger of events with fields."""
+
+    def bind(self, **context: object) -> Log:
+        """Return a logger that carries more context."""
+
+    def info(self, event: str, **fields: object) -> None:
+        """Write an event of the ordinary course."""
+
+    def warning(self, event: str, **fields: object) -> None:
+        """Write an event that a person should know of."""
+
+    def error(self, event: str, **fields: object) -> None:
+        """Write a failure that the run survives."""
+
+    def critical(self, event: str, **fields: object) -> None:
+        """Write a failure that a person must act on."""
 
 
 def configure(level: int = logging.WARNING, stream: TextIO | None = None) -> None:
@@ -24,6 +46,7 @@ def configure(level: int = logging.WARNING, stream: TextIO | None = None) -> Non
     )
 
 
-def logger(**context: Any) -> Any:
+def logger(**context: object) -> Log:
     """Get a logger that carries ``context`` in every event."""
-    return structlog.get_logger().bind(**context)
+    log: Log = structlog.get_logger().bind(**context)
+    return log

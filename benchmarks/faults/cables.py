@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.traces import CodeScale
 from picoradar.instrument import events
-from picoradar.instrument.acquisition import RasterScan
+from picoradar.instrument.acquisition import Setup, raster_scan, sweep_of
 from picoradar.instrument.bench import make_bench
 from picoradar.instrument.cli.session import calibration_of
 from picoradar.instrument.controller import Controller
@@ -49,8 +50,8 @@ def pull(link: str, rows: int, columns: int, folder: Path, away_s: float = 1.0, 
     clock, rng = VirtualClock(), np.random.default_rng(seed)
     sim = SimulatedBench({"target": "hip"}, seed=seed, clock=clock)
     controller = Controller(make_bench(Links(**sim.urls), clock, sim.usb_backend), settings)
-    job = RasterScan(settings, calibration_of(settings), clock)
-    line_s = columns * job.sweep.record_s
+    job = raster_scan(Setup(settings, calibration_of(settings), clock))
+    line_s = columns * sweep_of(settings).record_s
 
     def sink(_line: ScanLine) -> None:
         at = {"time_s": clock.now() + float(rng.uniform(0, line_s))}
@@ -59,7 +60,7 @@ def pull(link: str, rows: int, columns: int, folder: Path, away_s: float = 1.0, 
     controller.connect()
     controller.warm_up()
     path = folder / f"{link}.db"
-    with Recording.create(path, job.header({}, seed=seed, zero_code=32.0, mv_per_code=0.5)) as recording:
+    with Recording.create(path, job.header({}, seed=seed, scale=CodeScale(32.0, 0.5))) as recording:
         outcome = controller.scan(job, recording, [sink])
     controller.shut_down()
     with Recording.open(path) as recording:

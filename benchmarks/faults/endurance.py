@@ -18,8 +18,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.traces import CodeScale
 from picoradar.instrument import events
-from picoradar.instrument.acquisition import RasterScan
+from picoradar.instrument.acquisition import Setup, raster_scan
 from picoradar.instrument.bench import make_bench
 from picoradar.instrument.cli.session import calibration_of
 from picoradar.instrument.controller import Controller
@@ -52,9 +53,9 @@ class LongRun:
 
     def scan(self) -> None:
         """Scan once into a recording, read it back, and take it away."""
-        job = RasterScan(self.settings, calibration_of(self.settings), self.clock)
+        job = raster_scan(Setup(self.settings, calibration_of(self.settings), self.clock))
         path = self.folder / "scan.db"
-        with Recording.create(path, job.header({}, seed=1, zero_code=32.0, mv_per_code=0.5)) as recording:
+        with Recording.create(path, job.header({}, seed=1, scale=CodeScale(32.0, 0.5))) as recording:
             outcome = self.controller.scan(job, recording)
         if outcome.stop_reason != "complete" or not outcome.safe.complete:
             raise SystemExit(f"scan {self.scans}: {outcome.stop_reason}; {outcome.safe}")

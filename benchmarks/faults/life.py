@@ -17,7 +17,8 @@ from benchmarks.faults.result import Result
 from benchmarks.faults.watch import LightMeter, Seen
 from picoradar.drivers.clock import VirtualClock
 from picoradar.drivers.errors import DeviceError
-from picoradar.instrument.acquisition import RasterScan
+from picoradar.drivers.traces import CodeScale
+from picoradar.instrument.acquisition import Setup, raster_scan
 from picoradar.instrument.bench import Bench, make_bench
 from picoradar.instrument.cli.session import calibration_of
 from picoradar.instrument.controller import Controller, ScanOutcome
@@ -138,9 +139,9 @@ class Life:
         self._scan()
 
     def _scan(self) -> None:
-        job = RasterScan(SETTINGS, calibration_of(SETTINGS), self.clock)
+        job = raster_scan(Setup(SETTINGS, calibration_of(SETTINGS), self.clock))
         sampler = self.controller.bench.sampler
-        header = job.header({}, seed=self.case.seed, zero_code=sampler.zero_code, mv_per_code=sampler.mv_per_code)
+        header = job.header({}, seed=self.case.seed, scale=CodeScale(sampler.zero_code, sampler.mv_per_code))
         with Recording.create(self.path, header) as recording:
             store = Store(recording, self)
             self.outcome = self.controller.scan(job, store, [self._sink])
@@ -180,9 +181,9 @@ class Store:
         self._fail()
         self._recording.event(time_s, kind, state=state, **fields)
 
-    def finish(self, stop_reason: str, laser_off_verified: bool, **summary: object) -> bool:
+    def finish(self, stop_reason: str, *, laser_off_verified: bool, **summary: object) -> bool:
         self._fail()
-        return self._recording.finish(stop_reason, laser_off_verified, **summary)
+        return self._recording.finish(stop_reason, laser_off_verified=laser_off_verified, **summary)
 
     def _fail(self) -> None:
         if self._life._spoil_append is not None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import structlog
 
-from picoradar.instrument.cli import session
+from picoradar.instrument.cli import scanning, session
 from picoradar.instrument.recording import Cloud, Recording
 from picoradar.instrument.settings import Settings, override
 from picoradar.registration.se3 import transform
@@ -66,7 +66,7 @@ def take(seed: int, *, dress: Any = None, scan: dict[str, Any] | None = None, **
         bench = run.simulated
         model = bench.model if dress is None else dress(bench.bench)
         session.warm_up(run)
-        session.record_scan(run, Path(folder) / "scan.db")
+        scanning.record_scan(run, Path(folder) / "scan.db")
         with Recording.open(Path(folder) / "scan.db") as recording:
             cloud = recording.cloud().with_range()
         has_landmarks = dress is None and settings.simulation.get("target", "hip") == "hip"

@@ -13,13 +13,14 @@ from dataclasses import replace
 from picoradar.drivers.bridge import sbp
 from picoradar.drivers.bridge.gate import WATCHDOG_MS, TriggerGate
 from picoradar.drivers.bridge.runs import Run, RunReader
-from picoradar.drivers.bridge.sbp import ConfigFlag, Configuration, Request, Window
+from picoradar.drivers.bridge.sbp import ConfigFlag, Configuration, Request, WindowEntry
 from picoradar.drivers.bridge.sbp.limits import check_table
 from picoradar.drivers.bridge.sbp.settings import sweep_configuration, window_configuration
 from picoradar.drivers.clock import Clock
 from picoradar.drivers.errors import DeviceError, DeviceFault, LimitError, ProtocolError
 from picoradar.drivers.interfaces import Identity, Record, SweepSettings, WindowRecord
 from picoradar.drivers.links import UsbIdentity, UsbLink
+from picoradar.drivers.traces import Window
 
 RETRIES = 2
 
@@ -171,7 +172,9 @@ class SamplingBridge(TriggerGate):
         if configuration.records != records:
             configuration = replace(configuration, records=records)
             self._configure(configuration)
-        window = Window(configuration.start_fs, configuration.step_fs, configuration.samples, configuration.averages)
+        window = WindowEntry(
+            configuration.start_fs, configuration.step_fs, configuration.samples, configuration.averages
+        )
         run = Run(run_id, [[window]], records, configuration, _crc(configuration))
         return [record.windows[0] for record in self._runs.take(run)]
 
@@ -199,8 +202,9 @@ class SamplingBridge(TriggerGate):
         configuration = self._configuration
         if configuration is None or not configuration.flags & ConfigFlag.WINDOWS:
             raise DeviceFault(self.link.device, "is not configured for windows", "call configure_windows first")
-        check_table(self.link.device, table, configuration.prf_hz, self.caps)
-        return self._runs.take(Run(run_id, table, len(table), configuration, _crc(configuration), begin))
+        entries = _entries(table)
+        check_table(self.link.device, entries, configuration.prf_hz, self.caps)
+        return self._runs.take(Run(run_id, entries, len(entries), configuration, _crc(configuration), begin))
 
     def set_windows(self, table: Sequence[Sequence[Window]]) -> None:
         """Send a window table (SBP 1.1) to the device.
@@ -213,8 +217,9 @@ class SamplingBridge(TriggerGate):
             When the device refuses it, for instance during a record.
         """
         prf_hz = self._configuration.prf_hz if self._configuration is not None else self.caps.prf_max_hz
-        check_table(self.link.device, table, prf_hz, self.caps)
-        self._requests.order(Request.SET_WINDOWS, 0, sbp.encode_windows(table))
+        entries = _entries(table)
+        check_table(self.link.device, entries, prf_hz, self.caps)
+        self._requests.order(Request.SET_WINDOWS, 0, sbp.encode_windows(entries))
 
     def stop(self) -> None:
         """End the run at once and empty the queue."""
@@ -232,6 +237,10 @@ class SamplingBridge(TriggerGate):
         if (found := self.link.control_in(Request.GET_CONFIG, 0, 256)) != block:
             raise ProtocolError(self.link.device, f"configuration reads back as {found.hex(' ')}")
         self._configuration = configuration
+
+
+def _entries(table: Sequence[Sequence[Window]]) -> list[list[WindowEntry]]:
+    return [[WindowEntry.of(window) for window in record] for record in table]
 
 
 def _crc(configuration: Configuration) -> int:

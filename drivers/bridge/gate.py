@@ -11,10 +11,10 @@ from picoradar.drivers.bridge import sbp
 from picoradar.drivers.bridge.requests import BridgeRequests, gate_name, sampler_status
 from picoradar.drivers.bridge.sbp import Gate, Request, StatusFlag
 from picoradar.drivers.errors import DeviceFault
-from picoradar.drivers.interfaces import SamplerStatus
+from picoradar.drivers.interfaces import WATCHDOG_S, SamplerStatus
 from picoradar.drivers.links import UsbLink
 
-WATCHDOG_MS = 1000
+WATCHDOG_MS = round(1000 * WATCHDOG_S)
 
 
 class TriggerGate:

@@ -21,7 +21,7 @@ from picoradar.drivers.bridge.sbp import (
     Request,
     State,
     StatusFlag,
-    Window,
+    WindowEntry,
     encode_windows,
 )
 from picoradar.drivers.bridge.sbp.records import CorruptedRun, RecordAssembler
@@ -39,7 +39,7 @@ class Run:
     Attributes
     ----------
     run_id : int
-    table : sequence of sequences of Window
+    table : sequence of sequences of WindowEntry
         Windows of each record; the last row applies to all further records.
     records : int
     configuration : Configuration
@@ -51,7 +51,7 @@ class Run:
     """
 
     run_id: int
-    table: Sequence[Sequence[Window]]
+    table: Sequence[Sequence[WindowEntry]]
     records: int
     configuration: Configuration
     config_crc: int

@@ -6,12 +6,15 @@ in the settings. Every method that switches something reads the result back from
 
 from picoradar.drivers.interfaces.device import Device, Identity
 from picoradar.drivers.interfaces.galvo import Galvo
-from picoradar.drivers.interfaces.pulser import Pulser, PulserStatus
+from picoradar.drivers.interfaces.pulser import DRIVE_V, PRF_HZ, Pulser, PulserStatus
 from picoradar.drivers.interfaces.records import Record, SweepSettings, WindowRecord
-from picoradar.drivers.interfaces.sampler import Sampler, SamplerStatus
+from picoradar.drivers.interfaces.sampler import WATCHDOG_S, Sampler, SamplerStatus
 from picoradar.drivers.interfaces.temperature import TemperatureController, TemperatureStatus
 
 __all__ = [
+    "DRIVE_V",
+    "PRF_HZ",
+    "WATCHDOG_S",
     "Device",
     "Galvo",
     "Identity",

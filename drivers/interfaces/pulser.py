@@ -7,6 +7,11 @@ from typing import Protocol
 
 from picoradar.drivers.interfaces.device import Device
 
+PRF_HZ = (20e3, 240e3)
+DRIVE_V = (240.0, 330.0)
+"""Rate and drive voltage that the pulser takes (docs/devices.md); below 234 V the diode does not give its short pulse
+(dissertation, figure 2.5)."""
+
 
 @dataclass(frozen=True)
 class PulserStatus:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from picoradar.drivers.traces import CodeScale, Trace
+
 
 @dataclass(frozen=True)
 class SweepSettings:
@@ -32,6 +34,11 @@ class SweepSettings:
     averages: int
     settle_shots: int
     prf_hz: float
+
+    @property
+    def times_ps(self) -> NDArray[np.float64]:
+        """Get the (S,) sampling instants that this asks for; a device rounds them to its own grid."""
+        return np.asarray(self.start_ps + self.step_ps * np.arange(self.samples), dtype=np.float64)
 
     @property
     def record_s(self) -> float:
@@ -73,9 +80,14 @@ class Record:
     device_time_us: int
 
     @property
+    def trace(self) -> Trace:
+        """Get codes, scale and instants alone, as they go on to ranging."""
+        return Trace(self.sums, self.sweeps, self.times_ps, CodeScale(self.zero_code, self.mv_per_code))
+
+    @property
     def trace_mv(self) -> NDArray[np.float64]:
         """Get the (S,) mean trace at the photodiode bridge, in mV."""
-        return (self.sums / float(self.sweeps) - self.zero_code) * self.mv_per_code
+        return self.trace.mv
 
 
 @dataclass(frozen=True)

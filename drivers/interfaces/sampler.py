@@ -8,6 +8,9 @@ from typing import Protocol
 from picoradar.drivers.interfaces.device import Device
 from picoradar.drivers.interfaces.records import Record, SweepSettings
 
+WATCHDOG_S = 1.0
+"""Without a heartbeat for this long (s of the wall), a sampler closes the gate by itself (SBP 1.0, section 5)."""
+
 
 @dataclass(frozen=True)
 class SamplerStatus:

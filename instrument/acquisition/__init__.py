@@ -1,21 +1,43 @@
-"""How lines are taken: where the beam goes, how a place is sampled, and how records become points."""
+"""How lines are taken: a plan (where the beam goes), a capture (how a point is sampled), and the job made of both."""
 
-from picoradar.instrument.acquisition.galvo_path import Stop, lay_path
-from picoradar.instrument.acquisition.raster import LinePlan
-from picoradar.instrument.acquisition.reprocess import rerange
-from picoradar.instrument.acquisition.scan_raster import raster_of
-from picoradar.instrument.acquisition.sweep import RasterScan
-from picoradar.instrument.acquisition.window import WindowScan, can_window
+from picoradar.instrument.acquisition.acquisition import Acquisition, refuse_enormous_lines
+from picoradar.instrument.acquisition.capture import Capture, Captured, Devices, Revisit, Setup
+from picoradar.instrument.acquisition.galvo_path import Stop, plan_path
+from picoradar.instrument.acquisition.jobs import monitor_scan, points_scan, raster_scan
+from picoradar.instrument.acquisition.line import reprocessed
+from picoradar.instrument.acquisition.motion import MotionMonitor
+from picoradar.instrument.acquisition.plan import LinePlan, Plan
+from picoradar.instrument.acquisition.points import MonitorPlan, PointsPlan
+from picoradar.instrument.acquisition.raster import RasterPlan
+from picoradar.instrument.acquisition.reprocess import reprocess
+from picoradar.instrument.acquisition.sweep import SweepCapture, sweep_of
+from picoradar.instrument.acquisition.window import WindowCapture, can_window
 from picoradar.instrument.acquisition.window_ranging import places_of
 
 __all__ = [
+    "Acquisition",
+    "Capture",
+    "Captured",
+    "Devices",
     "LinePlan",
-    "RasterScan",
+    "MonitorPlan",
+    "MotionMonitor",
+    "Plan",
+    "PointsPlan",
+    "RasterPlan",
+    "Revisit",
+    "Setup",
     "Stop",
-    "WindowScan",
+    "SweepCapture",
+    "WindowCapture",
     "can_window",
-    "lay_path",
+    "monitor_scan",
     "places_of",
-    "raster_of",
-    "rerange",
+    "plan_path",
+    "points_scan",
+    "raster_scan",
+    "refuse_enormous_lines",
+    "reprocess",
+    "reprocessed",
+    "sweep_of",
 ]

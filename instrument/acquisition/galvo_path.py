@@ -1,4 +1,4 @@
-"""`lay_path`: the path of a line as the galvo controller plays it, with a mark where each record begins."""
+"""`plan_path`: the path of a line as the galvo controller plays it, with a mark where each record begins."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SENT_PER_S = 173_000  # points of 7 bytes: full speed USB moves at most 19 packe
 
 
 class Stop(NamedTuple):
-    """A place of a path: ``codes`` (x, y) of the mirrors, ``wait_s`` from the step to the mark that begins the record,
+    """A point of a path: ``codes`` (x, y) of the mirrors, ``wait_s`` from the step to the mark that begins the record,
     and ``record_s``, how long that takes."""
 
     codes: NDArray[np.int64]
@@ -35,8 +35,8 @@ class GalvoPath(NamedTuple):
     rate_hz: int
 
 
-def lay_path(lead_in: NDArray[np.int64], lead_s: float, stops: Sequence[Stop]) -> GalvoPath:
-    """Lay a path out: the lead-in, then each place until its record is done.
+def plan_path(lead_in: NDArray[np.int64], lead_s: float, stops: Sequence[Stop]) -> GalvoPath:
+    """Plan a path: the lead-in, then each point until its record is done.
 
     The mirrors stand at the lead-in already when the path is sent. It is played once it is there as a whole, so the
     time that it needs at least on its way is part of the wait at the lead-in.
@@ -56,7 +56,7 @@ def lay_path(lead_in: NDArray[np.int64], lead_s: float, stops: Sequence[Stop]) -
     total_s = lead_s + sum(stop.wait_s + stop.record_s + SPARE_S for stop in stops)
     rate_hz = min(FINEST_HZ, int((LONGEST_PATH - 2 * len(stops) - 1) / total_s))
     if rate_hz < COARSEST_HZ:
-        raise BadInput(f"{len(stops)} places take {total_s:.2f} s, too long for one path; scan fewer columns")
+        raise BadInput(f"{len(stops)} points take {total_s:.2f} s, too long for one path; scan fewer columns")
     waits = [math.ceil(stop.wait_s * rate_hz) for stop in stops]
     records = [math.ceil((stop.record_s + SPARE_S) * rate_hz) for stop in stops]
     rest_s = lead_s - (sum(waits) + sum(records)) / SENT_PER_S

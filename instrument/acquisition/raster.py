@@ -1,63 +1,42 @@
-"""`Raster`: which places of which lines the beam goes to.
+"""`RasterPlan`: evenly spaced points on a plane, line by line.
 
 Every line runs in the same direction, left to right (x increasing), and begins one step to the left of its first
-place. A serpentine would save the fly-back, a few milliseconds a line, but reverse the sign of the scanner's lag from
+point. A serpentine would save the fly-back, a few milliseconds a line, but reverse the sign of the scanner's lag from
 line to line, which shows as a comb in the cloud; and the scanner is 0.5 mm off after the step back to a new line
-against 0.1 mm after a step within it (S 2.6.2). So the step back goes to the lead-in place, has its own settling time
-there, and each measured place is reached by the same small step from the left.
+against 0.1 mm after a step within it (section 2.6.2). So the step back goes to the lead-in, has its own settling time
+there, and each measurement point is reached by the same small step from the left.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from picoradar.instrument.acquisition.plan import LinePlan
 from picoradar.instrument.calibration import (
+    Calibration,
     ScannerErrors,
     angles_and_range,
     angles_to_codes,
     asked_angles,
     codes_to_angles,
 )
+from picoradar.instrument.controller import Between
 from picoradar.instrument.errors import BadInput
+from picoradar.instrument.settings import Settings
 
 
 @dataclass(frozen=True)
-class LinePlan:
-    """Where the beam goes in one line.
-
-    Attributes
-    ----------
-    row : int
-        Row of the raster; row 0 is the top (y largest).
-    columns : (N,) int32 array
-        Columns in the order in which they are taken.
-    lead_in : (2,) int array
-        Codes (x, y) of the place before the first; let the mirrors settle here after the step back.
-    codes : (N, 2) int array
-        Codes (x, y) of the places.
-    angles_rad : (N, 2) float array
-        Optical angles of just these codes, as asked for: the scanner's errors are not applied to them.
-    """
-
-    row: int
-    columns: NDArray[np.int32]
-    lead_in: NDArray[np.int64]
-    codes: NDArray[np.int64]
-    angles_rad: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Raster:
-    """Rows and columns of places, evenly spaced on the plane z = distance and centred on the beam at rest.
+class RasterPlan:
+    """Rows and columns of points, evenly spaced on the plane z = distance and centred on the beam at rest.
 
     Attributes
     ----------
     rows, columns : int
     step_mm : float
-        Distance of neighbouring places on that plane.
+        Distance of neighbouring points on that plane.
     distance_mm : float
     field_deg : float
         Analogue span of the scanner.
@@ -71,7 +50,7 @@ class Raster:
     BadInput
         When a size is not positive.
     LimitError
-        When a corner or a lead-in place is outside the scanner's span.
+        When a corner or a lead-in is outside the scanner's span.
     """
 
     rows: int
@@ -82,9 +61,31 @@ class Raster:
     separation_mm: float = 30.0
     errors: ScannerErrors = field(default_factory=ScannerErrors)
 
+    name: ClassVar[str] = "raster"
+
+    @classmethod
+    def of(cls, settings: Settings, calibration: Calibration) -> RasterPlan:
+        """Lay the raster of the settings out for a calibrated scanner.
+
+        Raises
+        ------
+        LimitError
+            When it does not fit into the scanner's span.
+        """
+        scan = settings.scan
+        return cls(
+            rows=scan.rows,
+            columns=scan.columns,
+            step_mm=scan.step_mm,
+            distance_mm=scan.distance_mm,
+            field_deg=settings.scanner.field_deg,
+            separation_mm=calibration.mirror_separation_mm,
+            errors=calibration.scanner,
+        )
+
     def __post_init__(self) -> None:
         if min(self.rows, self.columns) < 1:
-            raise BadInput(f"a raster of {self.rows} x {self.columns} has no places; give at least 1 x 1")
+            raise BadInput(f"a raster of {self.rows} x {self.columns} has no points; give at least 1 x 1")
         if not (self.step_mm > 0 and self.distance_mm > 0):
             raise BadInput(
                 f"raster step {self.step_mm:g} mm and distance {self.distance_mm:g} mm must both be above 0 mm"
@@ -116,3 +117,14 @@ class Raster:
             codes=codes[1:],
             angles_rad=codes_to_angles(codes[1:], self.field_deg),
         )
+
+    def run_id(self, row: int, column: int) -> int:
+        """Return the number of a point in the raster, from 1."""
+        return row * self.columns + column + 1
+
+    def wait_for(self, row: int, between: Between) -> None:
+        """Return at once."""
+
+    def header(self) -> dict[str, float]:
+        """Get step and distance, mm."""
+        return {"step_mm": self.step_mm, "distance_mm": self.distance_mm}

@@ -1,24 +1,24 @@
-"""Range a recording again, from its raw traces or windows, with another estimator or another calibration."""
+"""`reprocess`: a recording ranged from its raw traces or windows by another estimator or another calibration."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from picoradar.instrument.acquisition.points import to_scan_line
-from picoradar.instrument.acquisition.window_ranging import CodeScale, range_line
+from picoradar.instrument.acquisition.line import reprocessed
+from picoradar.instrument.acquisition.window_ranging import range_line
 from picoradar.instrument.calibration import Calibration, Method
 from picoradar.instrument.errors import BadInput
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import Flag, ScanLine
-from picoradar.instrument.ranging import Ranges, estimate, mark_footprint
+from picoradar.instrument.ranging import LineBefore, Ranges, estimate, mark_footprint
 from picoradar.instrument.recording import Recording
 
 
-def rerange(
+def reprocess(
     source: Path,
     target: Path,
     *,
@@ -54,13 +54,13 @@ def rerange(
         with Recording.create(target, header) as new:
             before: ScanLine | None = None
             for line in old.lines():
-                again = _range_line(old, line, before, estimator, used)
-                before = again
-                new.append(again)
+                ranged = _range_line(old, line, before, estimator, used)
+                before = ranged
+                new.append(ranged)
                 if on_line is not None:
-                    on_line(again)
+                    on_line(ranged)
             new.finish(
-                f"ranged again from {source.name} ({old.stop_reason})",
+                f"reprocessed from {source.name} ({old.stop_reason})",
                 laser_off_verified=bool(old.laser_off_verified),
             )
 
@@ -69,21 +69,13 @@ def _range_line(
     recording: Recording, line: ScanLine, before: ScanLine | None, method: Method, calibration: Calibration
 ) -> ScanLine:
     ranges = _ranges_of(recording, line, method, calibration)
-    before_mm = before.range_mm if before is not None and before.index == line.index - 1 else None
-    ranges = mark_footprint(ranges, recording.raster["step_mm"], before_mm)
-    # Whether the target moved is known from looks at one place, which are not in the line.
+    if (step_mm := recording.raster.get("step_mm")) is not None:  # else it is no raster
+        known = before is not None and before.index == line.index - 1
+        last = LineBefore(before.range_mm, before.range_variance_mm2) if before is not None and known else None
+        ranges = mark_footprint(ranges, step_mm, last)
+    # Whether the target moved is known from revisits of one point, which are not in the line.
     flags = ranges.flags | (line.flags & np.uint16(Flag.MOTION))
-    return to_scan_line(
-        line.index,
-        line.columns,
-        line.angles_rad,
-        replace(ranges, flags=flags),
-        calibration,
-        sums=line.sums,
-        windows=line.windows,
-        sweeps=line.sweeps,
-        began_s=line.device_time_s,
-    )
+    return reprocessed(line, replace(ranges, flags=flags), calibration)
 
 
 def _ranges_of(recording: Recording, line: ScanLine, method: Method, calibration: Calibration) -> Ranges:
@@ -93,15 +85,14 @@ def _ranges_of(recording: Recording, line: ScanLine, method: Method, calibration
                 f"{recording.path}: was scanned in windows, which show the edges of the pulses alone; "
                 f"{method} needs whole traces, use template"
             )
-        scale = CodeScale(recording.trace["zero_code"], recording.trace["mv_per_code"])
-        return range_line(line.columns, line.windows, scale, calibration)
-    if line.sums is None:
+        return range_line(line.columns, line.windows, calibration)
+    if line.traces is None:
         raise BadInput(
-            f"{recording.path}: line {line.index} has no raw samples; only scans that keep them can be ranged again"
+            f"{recording.path}: line {line.index} has no raw samples; only scans that keep them can be reprocessed"
         )
     return estimate(
-        recording.traces_mv(line),
-        recording.times_ps,
+        line.traces.mv,
+        line.traces.times_ps,
         method=method,
         calibration=calibration,
         sweeps=line.sweeps,
@@ -116,7 +107,7 @@ def _own_calibration(recording: Recording) -> Calibration:
     return Calibration.model_validate(content)
 
 
-def _header(old: dict[str, Any], source: Path, calibration: Calibration, method: Method) -> dict[str, Any]:
+def _header(old: JsonObject, source: Path, calibration: Calibration, method: Method) -> JsonObject:
     kept = {key: value for key, value in old.items() if key not in ("versions", "calibration_digest")}
     return {
         **kept,

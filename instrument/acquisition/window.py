@@ -1,35 +1,34 @@
-"""A raster scan in windows (SBP 1.1): a whole line runs without the host, with just enough shots at each place.
+"""`WindowCapture`: two short windows a point (SBP 1.1), just enough shots, and a whole line without the host.
 
-The galvo controller plays one path a line. A marked point at each place starts the record there (advance input). The
-window over the reference comes first, while the mirrors still settle: it does not depend on them. Where an echo is lost
-the place is taken again with a wide window, in a short path of its own.
+The galvo controller plays one path a line. A marked point of it starts each record (advance input). The window over the
+reference comes first, while the mirrors still settle: it does not depend on them. Where an echo is lost the point is
+taken again with a wide window, in a short path of its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, Protocol, runtime_checkable
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from picoradar.drivers.bridge import sbp
-from picoradar.drivers.clock import Clock
-from picoradar.drivers.interfaces import Galvo, Identity, Sampler, WindowRecord
-from picoradar.instrument.acquisition.galvo_path import Stop, lay_path
-from picoradar.instrument.acquisition.points import to_scan_line
-from picoradar.instrument.acquisition.sweep import POINT_BYTES, RasterScan
-from picoradar.instrument.acquisition.window_ranging import CodeScale, range_line, range_windows
-from picoradar.instrument.calibration import Calibration
-from picoradar.instrument.controller import Between
+from picoradar.drivers.interfaces import Galvo, Sampler, WindowRecord
+from picoradar.drivers.traces import Window
+from picoradar.instrument.acquisition.capture import Captured, Devices, Revisit, Setup
+from picoradar.instrument.acquisition.galvo_path import Stop, plan_path
+from picoradar.instrument.acquisition.plan import LinePlan, Plan
+from picoradar.instrument.acquisition.window_ranging import range_line, range_windows
+from picoradar.instrument.calibration import Method
 from picoradar.instrument.errors import BadInput
-from picoradar.instrument.line import LineWindows, ScanLine
-from picoradar.instrument.ranging import Place, PlanSettings, Window, WindowPlanner
-from picoradar.instrument.settings import Settings
+from picoradar.instrument.events import JsonObject
+from picoradar.instrument.line import LineWindows
+from picoradar.instrument.ranging import Place, PlanSettings, Ranges, WindowPlanner
 
 IntArray = NDArray[np.int64]
 
-LOOK_S = 6e-3  # on the place that is watched: record and settling
+REVISIT_S = 6e-3  # of a point that is monitored: record and settling
 
 
 @runtime_checkable
@@ -52,26 +51,28 @@ class WindowSampler(Sampler, Protocol):
         """Set that records are taken in windows."""
 
     def take_windows(
-        self, run_id: int, table: Sequence[Sequence[sbp.Window]], *, begin: Callable[[], None] | None = None
+        self, run_id: int, table: Sequence[Sequence[Window]], *, begin: Callable[[], None] | None = None
     ) -> Iterator[WindowRecord]:
         """Take one record for each row of the table; ``begin`` starts the path once the run waits."""
 
 
 def can_window(galvo: Galvo, sampler: Sampler) -> bool:
-    """Get whether these devices can scan in windows; they must be open."""
+    """Get whether these devices can take records in windows; they must be open."""
     return isinstance(galvo, PathGalvo) and isinstance(sampler, WindowSampler) and sampler.supports_windows
 
 
-class WindowScan(RasterScan):
-    """The raster of the settings in ``window`` mode, ranged by the template estimator.
+class WindowCapture:
+    """Mode ``window``, ranged by the template estimator.
 
-    The run id of a line is its row + 1, and the record number the column; places taken again are records of the run
-    ``rows + row + 1``. A look at the place that is watched for motion is the last record of its line.
+    The run id of a line is its row + 1, and the record number the column; points taken again are records of the run
+    ``rows + row + 1``. A revisit is the last record of its line.
 
     Parameters
     ----------
-    settings, calibration, clock, rows
-        As `RasterScan`. The calibration needs templates and the place of the reference.
+    setup : Setup
+        The calibration needs templates and the place of the reference.
+    columns : int
+        Points in a line.
 
     Raises
     ------
@@ -80,136 +81,122 @@ class WindowScan(RasterScan):
     """
 
     mode = "window"
+    estimator: Method = "template"
 
-    def __init__(
-        self, settings: Settings, calibration: Calibration, clock: Clock, rows: Sequence[int] | None = None
-    ) -> None:
-        super().__init__(settings, calibration, clock, rows)
-        scan = settings.scan
+    def __init__(self, setup: Setup, columns: int) -> None:
+        settings = setup.settings
+        self._setup = setup
+        self._scanner = settings.scanner
+        self._prf_hz = settings.pulser.prf_hz
         plan = PlanSettings(
-            wanted_sd_mm=scan.wanted_sd_mm,
+            wanted_sd_mm=settings.scan.wanted_sd_mm,
             settle_shots=settings.scanner.window_settle_shots,
             free_shots=int(settings.scanner.window_settle_ms * 1e-3 * settings.pulser.prf_hz),
         )
-        self._planner = WindowPlanner(calibration, scan.columns, plan)
+        self._planner = WindowPlanner(setup.calibration, columns, plan)
         self._planner.line()  # makes the tables of the pulse shapes now, which takes a moment, and not under light
 
     @property
-    def line_bytes(self) -> int:
-        """Get the most that one line takes on the disk (its samples not compressed, every place taken again)."""
-        samples = 0
-        if self.settings.scan.keep_traces:
-            (wide,) = self._planner.wide([0])
-            samples = 2 * (wide.reference.samples + wide.echo.samples)
-        return self.settings.scan.columns * (POINT_BYTES + 2 * samples)
-
-    def header(
-        self, identities: Mapping[str, Identity], *, seed: int | None, zero_code: float, mv_per_code: float
-    ) -> dict[str, Any]:
-        """Get the header of the recording; windows are ranged by the template estimator whatever the settings say."""
-        header = super().header(identities, seed=seed, zero_code=zero_code, mv_per_code=mv_per_code)
-        return {**header, "raster": {**header["raster"], "estimator": "template"}}
+    def raw_bytes(self) -> int:
+        """Get the most that the windows of a point take on the disk: all taken again, with wide windows."""
+        (wide,) = self._planner.wide([0])
+        return 2 * 2 * (wide.reference.samples + wide.echo.samples)
 
     def configure(self, sampler: Sampler) -> None:
         """Tell the sampler that records are taken in windows, at the edges of its advance input."""
-        scanner = self.settings.scanner
         _windows_of(sampler).configure_windows(
-            prf_hz=self.settings.pulser.prf_hz, settle_shots=scanner.window_settle_shots, on_advance=True
+            prf_hz=self._prf_hz, settle_shots=self._scanner.window_settle_shots, on_advance=True
         )
 
-    def memory(self) -> dict[str, Any]:
+    def times_s(self, columns: int) -> tuple[float, float]:
+        """Get how long a revisit takes, and a line at least."""
+        fly_s = self._scanner.window_flyback_ms * 1e-3
+        free_s = 2 * self._scanner.window_settle_ms * 1e-3  # settling, and about as long on the echo
+        return fly_s + REVISIT_S, fly_s + columns * free_s
+
+    def state_dict(self) -> JsonObject:
         """Get what the next line is planned from."""
-        return {**super().memory(), **self._planner.memory()}
+        return self._planner.memory()
 
-    def recall(self, memory: Mapping[str, Any]) -> None:
-        """Go on as if the lines before had just been taken."""
-        super().recall(memory)
-        self._planner.recall(memory)
+    def load_state(self, state: JsonObject) -> None:
+        """Plan on as if the lines before had just been taken."""
+        self._planner.recall(state)
 
-    def take_line(self, row: int, galvo: Galvo, sampler: Sampler, between: Between) -> ScanLine:
-        """Take one line with the laser on, and again those of its places whose echo was not in its window."""
-        plan = self.raster.line(row)
-        began_s = self.clock.now()
-        galvo.move(int(plan.lead_in[0]), int(plan.lead_in[1]))  # settles while the line is planned and sent
+    def take(self, plan: Plan, line: LinePlan, revisit: Revisit | None, devices: Devices) -> Captured:
+        """Take a line in one path, and again those of its points whose echo was not in its window."""
+        calibration, left_s = self._setup.calibration, self._setup.clock.now()
+        devices.galvo.move(int(line.lead_in[0]), int(line.lead_in[1]))  # settles while the line is planned and sent
         places = self._planner.line()
-        scanner = self.settings.scanner
-        stops = [self._stop(*stop, scanner.window_settle_ms) for stop in zip(plan.codes, places, strict=True)]
-        look = self._look_at()
-        if look is not None:
-            stops.append(self._stop(*look, scanner.window_flyback_ms))
-        seen = [*places, *([look[1]] if look else [])]
-        taken, scale = self._take(row + 1, plan.lead_in, stops, seen, began_s, galvo, sampler, between)
-        first, last = taken[: len(places)], taken[len(places) :]
-        self._count_shots(places)
-        windows = LineWindows.of(plan.columns, first, _forms(places), retaken=False)
-        ranges = range_windows(windows, scale, self.calibration)
+        targets = self._targets(line.codes, places)
+        if revisit is not None:
+            last = self._planner.look(revisit.echo_ps, revisit.response_mv)
+            targets.append(_Target(revisit.codes, last, self._scanner.window_flyback_ms))
+        records = self._take(_PathRun(line.row + 1, line.lead_in, targets, left_s), devices)
+        windows = LineWindows.of(line.columns, records[: len(places)], _table(places), retaken=False)
+        shots = _shots(places)
+        ranges = range_windows(windows, calibration)
         lost = self._planner.lost(places, ranges)
         if lost.size:
             wide = self._planner.wide(lost)
-            stops = [self._stop(*stop, scanner.window_settle_ms) for stop in zip(plan.codes[lost], wide, strict=True)]
-            run_id, left_s = self.settings.scan.rows + row + 1, self.clock.now()
-            again, _ = self._take(run_id, plan.codes[lost[0]], stops, wide, left_s, galvo, sampler, between)
-            self._count_shots(wide)
-            windows = windows.followed_by(LineWindows.of(plan.columns[lost], again, _forms(wide), retaken=True))
-            ranges = range_line(plan.columns, windows, scale, self.calibration)
+            codes, left_s = line.codes[lost], self._setup.clock.now()
+            again = self._take(
+                _PathRun(plan.rows + line.row + 1, codes[0], self._targets(codes, wide), left_s), devices
+            )
+            shots += _shots(wide)
+            retaken = LineWindows.of(line.columns[lost], again, _table(wide), retaken=True)
+            windows = windows.followed_by(retaken)
+            ranges = range_line(line.columns, windows, calibration)
         self._planner.learn(ranges)  # before the footprint is judged: half a spot on a rim is planned as it is seen
-        ranges = self._mixed(row, ranges)
-        looked = None
-        if look is not None:
-            looked = range_windows(LineWindows.of([0], last, _forms([look[1]]), retaken=False), scale, self.calibration)
-        ranges = self._watched(row, ranges, looked)
-        self._note_reference(ranges)
-        return to_scan_line(
-            row, plan.columns, plan.angles_rad, ranges, self.calibration,
-            windows=windows if self.settings.scan.keep_traces else None,
-            sweeps=max(p.echo.sweeps for p in places), began_s=began_s,
-        )  # fmt: skip
+        return Captured(
+            ranges=ranges,
+            sweeps=max(place.echo.sweeps for place in places),
+            shots=shots,
+            revisit=None if revisit is None else self._ranges_of(records[-1], targets[-1].place),
+            windows=windows,
+        )
 
-    def _count_shots(self, places: Sequence[Place]) -> None:
-        self.shots += sum(place.shots(0) for place in places)
+    def _targets(self, codes: IntArray, places: Sequence[Place]) -> list[_Target]:
+        settle_ms = self._scanner.window_settle_ms
+        return [_Target(*target, settle_ms) for target in zip(codes, places, strict=True)]
 
-    def _look_at(self) -> tuple[IntArray, Place] | None:
-        """Return codes and windows of the place that is watched, if it is its turn."""
-        if self._watch.place is None or not self._watch.due:
-            return None
-        row, column = self._watch.place
-        echo_ps, response_mv = self._watch.seen
-        return self.raster.line(row).codes[column], self._planner.look(echo_ps, response_mv)
+    def _ranges_of(self, record: WindowRecord, place: Place) -> Ranges:
+        windows = LineWindows.of([0], [record], _table([place]), retaken=False)
+        return range_windows(windows, self._setup.calibration)
 
-    def _stop(self, codes: IntArray, place: Place, settle_ms: float) -> Stop:
-        """Return the stop of a path at a place; the reference is taken while the mirrors settle."""
-        settle_shots, prf_hz = self.settings.scanner.window_settle_shots, self.settings.pulser.prf_hz
-        wait_s = max(0.0, settle_ms * 1e-3 - place.reference.shots(settle_shots) / prf_hz)
-        return Stop(codes, wait_s, place.shots(settle_shots) / prf_hz)
-
-    def _take(
-        self,
-        run_id: int,
-        lead_in: IntArray,
-        stops: Sequence[Stop],
-        places: Sequence[Place],
-        left_s: float,
-        galvo: Galvo,
-        sampler: Sampler,
-        between: Between,
-    ) -> tuple[list[WindowRecord], CodeScale]:
-        """Take one record at each stop; the mirrors have been on their way to the lead-in since ``left_s``."""
+    def _take(self, run: _PathRun, devices: Devices) -> list[WindowRecord]:
+        """Take one record at each target of a run."""
+        galvo, sampler = devices.galvo, _windows_of(devices.sampler)
         if not isinstance(galvo, PathGalvo):
             raise BadInput("this galvo controller plays no paths; scan in mode sweep")
-        between()
-        lead_s = max(0.0, self.settings.scanner.window_flyback_ms * 1e-3 - (self.clock.now() - left_s))
-        path = lay_path(lead_in, lead_s, stops)
-        table = [[_entry(place.reference), _entry(place.echo)] for place in places]
-        records = list(_windows_of(sampler).take_windows(run_id, table, begin=lambda: galvo.play(*path)))
-        first = records[0].windows[0]
-        return records, CodeScale(first.zero_code, first.mv_per_code)
+        devices.between()
+        lead_s = max(0.0, self._scanner.window_flyback_ms * 1e-3 - (self._setup.clock.now() - run.left_s))
+        path = plan_path(run.lead_in, lead_s, [self._stop(target) for target in run.targets])
+        table = _table([target.place for target in run.targets])
+        return list(sampler.take_windows(run.run_id, table, begin=lambda: galvo.play(*path)))
 
-    def _times_s(self) -> tuple[float, float]:
-        """Get how long a look at the watched place takes, and a line at least."""
-        scanner = self.settings.scanner
-        fly_s = scanner.window_flyback_ms * 1e-3
-        free_s = 2 * scanner.window_settle_ms * 1e-3  # settling, and about as long on the echo
-        return fly_s + LOOK_S, fly_s + self.settings.scan.columns * free_s
+    def _stop(self, target: _Target) -> Stop:
+        """Return the stop of a path at a target; the reference is taken while the mirrors settle."""
+        settle_shots, place = self._scanner.window_settle_shots, target.place
+        wait_s = max(0.0, target.settle_ms * 1e-3 - place.reference.shots(settle_shots) / self._prf_hz)
+        return Stop(target.codes, wait_s, place.shots(settle_shots) / self._prf_hz)
+
+
+class _Target(NamedTuple):
+    """A point with its windows, and the least time from the step to it to the first shot on its echo."""
+
+    codes: IntArray
+    place: Place
+    settle_ms: float
+
+
+@dataclass(frozen=True)
+class _PathRun:
+    """One path and one run of records; the mirrors have been on their way to the lead-in since ``left_s``."""
+
+    run_id: int
+    lead_in: IntArray
+    targets: Sequence[_Target]
+    left_s: float
 
 
 def _windows_of(sampler: Sampler) -> WindowSampler:
@@ -218,12 +205,9 @@ def _windows_of(sampler: Sampler) -> WindowSampler:
     return sampler
 
 
-def _entry(window: Window) -> sbp.Window:
-    """Turn a window of the plan into an entry of the device's table (integer femtoseconds)."""
-    return sbp.Window(round(window.start_ps * 1000), round(window.step_ps * 1000), window.samples, window.sweeps)
+def _table(places: Sequence[Place]) -> list[tuple[Window, Window]]:
+    return [(place.reference, place.echo) for place in places]
 
 
-def _forms(places: Sequence[Place]) -> list[list[tuple[int, int]]]:
-    """Return start and step (fs) of the windows of places, as the device is told."""
-    entries = [(_entry(place.reference), _entry(place.echo)) for place in places]
-    return [[(entry.start_fs, entry.step_fs) for entry in pair] for pair in entries]
+def _shots(places: Sequence[Place]) -> int:
+    return sum(place.shots(0) for place in places)

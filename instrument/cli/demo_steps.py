@@ -6,47 +6,45 @@ import json
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from picoradar.instrument.cli.commands.register import describe
 from picoradar.instrument.cli.simulated import Simulated, checked_simulation
-from picoradar.instrument.recording import Recording
-from picoradar.instrument.report import write_report
+from picoradar.instrument.events import JsonObject
+from picoradar.instrument.recording import Cloud, Recording
+from picoradar.instrument.report import RegisteredScan, Surface, write_report
 from picoradar.instrument.settings import Settings, to_toml
-from picoradar.registration import Registration, pose_error, prepare_model, register
+from picoradar.registration import Tolerance, pose_error, prepare_model, register
 
 
 @dataclass(frozen=True)
-class Found:
+class DemoRegistration:
     """A registered scan of the simulated bench.
 
     Attributes
     ----------
-    registration : Registration
+    registered : RegisteredScan
+        Its ``truth_error`` has ``rotation_deg``; ``translation_mm`` of the middle of the cloud; ``tre_mm``, the largest
+        shift of any of its points.
     described : dict
-        The same by the keys of the command's contract.
-    truth_error : dict
-        ``rotation_deg``; ``translation_mm`` of the middle of the cloud; ``tre_mm``, the largest shift of any of its
-        points.
+        The registration by the keys of the command's contract.
     landmarks : list of dict
         Pairs that the registration started from.
-    model : (V, 3) and (F, 3) arrays
     """
 
-    registration: Registration
-    described: dict[str, Any]
-    truth_error: dict[str, float]
-    landmarks: list[dict[str, Any]]
-    model: tuple[NDArray[np.float64], NDArray[np.int64]]
+    registered: RegisteredScan
+    described: JsonObject
+    landmarks: list[JsonObject]
 
 
-def register_scan(simulated: Simulated, recording: Path, method: Literal["robust", "dissertation"]) -> Found:
-    """Register a recorded scan from clicked landmarks and compare the pose with the true one."""
-    with Recording.open(recording) as scan:
-        cloud = scan.cloud().with_range()
+def register_scan(
+    simulated: Simulated, scanned: Cloud, method: Literal["robust", "dissertation"], tolerance: Tolerance
+) -> DemoRegistration:
+    """Register a scan from clicked landmarks and compare the pose with the true one."""
+    cloud = scanned.with_range()
     landmarks = simulated.landmarks()
     began = time.perf_counter()
     model = prepare_model(*simulated.model)
@@ -60,14 +58,15 @@ def register_scan(simulated: Simulated, recording: Path, method: Literal["robust
         grid=cloud.grid,
         method=method,
         targets=[{"name": pair["name"], "position": pair["model"]} for pair in landmarks],
+        tolerance=tolerance,
     )
     done = time.perf_counter()
-    return Found(
-        registration=result,
-        described=describe(result, prepare_ms=(prepared - began) * 1e3, register_ms=(done - prepared) * 1e3),
-        truth_error=_truth_error(result.model_from_scanner, simulated.model_from_scanner, cloud.points_mm),
+    truth_error = _truth_error(result.model_from_scanner, simulated.model_from_scanner, cloud.points_mm)
+    duration = {"prepare_ms": (prepared - began) * 1e3, "register_ms": (done - prepared) * 1e3}
+    return DemoRegistration(
+        registered=RegisteredScan(result, tolerance, Surface(*simulated.model), truth_error),
+        described=describe(result, tolerance, **duration),
         landmarks=landmarks,
-        model=simulated.model,
     )
 
 
@@ -84,21 +83,13 @@ def _truth_error(
     }
 
 
-def write_folder(folder: Path, settings: Settings, found: Found, result: dict[str, Any], *, passed: bool) -> None:
+def write_folder(folder: Path, settings: Settings, cloud: Cloud, found: DemoRegistration, summary: JsonObject) -> None:
     """Write the report and, beside it, all that is needed to do each step again by hand."""
     import trimesh
 
-    vertices, faces = found.model
     (folder / "settings.toml").write_text(to_toml(settings, checked_simulation(settings)), encoding="utf-8")
     (folder / "landmarks.json").write_text(json.dumps(found.landmarks, indent=1) + "\n", encoding="utf-8")
-    trimesh.Trimesh(vertices, faces, process=False).export(folder / "model.stl")
+    if found.registered.model is not None:
+        trimesh.Trimesh(*found.registered.model, process=False).export(folder / "model.stl")
     with Recording.open(folder / "scan.db") as recording:
-        write_report(
-            folder,
-            recording=recording,
-            registration=found.registration,
-            model_vertices=vertices,
-            model_faces=faces,
-            truth_error=found.truth_error,
-            summary={**result, "passed": passed},
-        )
+        write_report(folder, recording=recording, cloud=cloud, registered=found.registered, summary=summary)

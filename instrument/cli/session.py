@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 import signal
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from types import FrameType
-from typing import Any
-
-import numpy as np
 
 from picoradar.drivers.clock import ScaledClock
 from picoradar.drivers.interfaces import Identity, TemperatureStatus
 from picoradar.drivers.links import Transcript
-from picoradar.instrument.acquisition import RasterScan, WindowScan, can_window, raster_of
+from picoradar.instrument.acquisition import (
+    RasterPlan,
+    refuse_enormous_lines,
+)
 from picoradar.instrument.bench import make_bench
 from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.cli import output
 from picoradar.instrument.cli.simulated import Simulated
-from picoradar.instrument.controller import Controller, ScanOutcome
-from picoradar.instrument.errors import BadInput, Interrupted
-from picoradar.instrument.line import Flag, ScanLine
-from picoradar.instrument.recording import Recording
+from picoradar.instrument.controller import Controller
+from picoradar.instrument.errors import BadInput
 from picoradar.instrument.settings import Settings
 
 
@@ -62,12 +59,13 @@ def session(
     faults: Path | None = None,
     calibration: Calibration | None = None,
 ) -> Iterator[Session]:
-    """Open the bench of the settings; leave it safe and closed on every way out.
+    """Open the bench of the settings; leave it safe and closed, however it ends.
 
     While the session is open, Ctrl-C and SIGTERM ask the controller to end safely; a second one is an emergency off.
     """
     calibration = calibration_of(settings) if calibration is None else calibration
-    raster_of(settings, calibration)  # what does not fit is refused before anything is switched
+    refuse_enormous_lines(settings.scan.columns, settings.sampler.samples)  # before anything is switched
+    RasterPlan.of(settings, calibration)  # refuses what does not fit into the scanner's span
     if faults is not None and settings.bench != "simulated":
         raise BadInput("--faults declares faults of the simulated bench; this settings file has real devices")
     simulated = Simulated(settings, speed, faults) if settings.bench == "simulated" else None
@@ -120,7 +118,7 @@ def _signals_to(controller: Controller) -> Iterator[None]:
         yield
     finally:
         for number, handler in before.items():
-            # Once a person has asked to stop, the way out runs to its end: more signals change nothing.
+            # Once a person has asked to stop, the safe shutdown runs to its end: more signals change nothing.
             signal.signal(number, signal.SIG_IGN if asked else handler)
 
 
@@ -131,108 +129,10 @@ def warm_up(run: Session) -> None:
         task = bar.add_task("warm-up", total=100, note="")
         first: list[float] = []
 
-        def watch(status: TemperatureStatus) -> None:
+        def show(status: TemperatureStatus) -> None:
             first[:1] = first[:1] or [status.temperature_degc]
             way = abs(target - first[0]) or 1.0
             done = 99 * (1 - min(1.0, abs(target - status.temperature_degc) / way))
             bar.update(task, completed=100 if status.stable else done, note=f"{status.temperature_degc:.2f} degC")
 
-        run.controller.warm_up(watch)
-
-
-def record_scan(run: Session, path: Path) -> tuple[dict[str, Any], ScanOutcome]:
-    """Take one scan into a new recording and describe it by the keys of the contract.
-
-    Raises
-    ------
-    Interrupted
-        After the safe way out, when Ctrl-C or SIGTERM came; the lines so far are kept.
-    """
-    bench = run.controller.bench
-    job = job_for(run)
-    header = job.header(
-        run.identities,
-        seed=run.settings.seed if run.simulated is not None else None,
-        zero_code=bench.sampler.zero_code,
-        mv_per_code=bench.sampler.mv_per_code,
-    )
-    if run.simulated is not None and run.simulated.faults:
-        header["faults"] = run.simulated.faults
-    return _scan_into(run, job, Recording.create(path, header))
-
-
-def resume_scan(run: Session, path: Path) -> tuple[dict[str, Any], ScanOutcome]:
-    """Take the lines that a recording lacks, and describe the whole scan by the keys of the contract.
-
-    Raises
-    ------
-    Interrupted
-        As `record_scan`.
-    RecordingError
-        When nothing is missing, or another program writes to it.
-    """
-    recording = Recording.resume(path)
-    job = job_for(run, recording.missing)
-    done = recording.done
-    for event in recording.events():
-        if event.kind == "memory" and done and event.fields["line"] == done[-1]:
-            job.recall(event.fields)
-    return _scan_into(run, job, recording)
-
-
-def job_for(run: Session, rows: Sequence[int] | None = None) -> RasterScan:
-    """Choose how to scan: in windows where the settings ask for it and the devices can, else in whole sweeps."""
-    bench = run.controller.bench
-    wants_windows = run.settings.scan.mode == "window"
-    kind = WindowScan if wants_windows and can_window(bench.galvo, bench.sampler) else RasterScan
-    return kind(run.settings, run.calibration, bench.clock, rows)
-
-
-def _scan_into(run: Session, job: RasterScan, recording: Recording) -> tuple[dict[str, Any], ScanOutcome]:
-    began = time.perf_counter()
-    with recording:
-        outcome = _scan_with_bar(run, job, recording)
-        result = describe_scan(run, job, recording, outcome)
-    result["wall_s"] = round(time.perf_counter() - began, 3)
-    if outcome.stop_reason == "interrupted":
-        safe = "laser off verified" if outcome.safe.laser_off_verified else str(outcome.safe)
-        raise Interrupted(f"interrupted; {safe}; {result['lines']} lines kept in {recording.path}")
-    return result, outcome
-
-
-def _scan_with_bar(run: Session, job: RasterScan, recording: Recording) -> ScanOutcome:
-    with output.progress() as bar:
-        task = bar.add_task("scan", total=len(job.rows), note="")
-
-        def show(line: ScanLine) -> None:
-            found = int(line.has_range.sum())
-            device_s = run.controller.bench.clock.now()
-            bar.update(task, advance=1, note=f"{found}/{len(line.flags)} points, device time {device_s:.0f} s")
-
-        return run.controller.scan(job, recording, [show])
-
-
-def describe_scan(run: Session, job: RasterScan, recording: Recording, outcome: ScanOutcome) -> dict[str, Any]:
-    """Describe a scan by the keys of the command's contract (without ``wall_s``)."""
-    scan = run.settings.scan
-    cloud = recording.cloud()
-    result: dict[str, Any] = {
-        "recording": str(recording.path),
-        "points": int(cloud.has_range.sum()),
-        "lines": len(recording.done),
-        "lines_taken": outcome.lines,
-        "grid": [scan.rows, scan.columns],
-        "step_mm": scan.step_mm,
-        "mode": job.mode,
-        "averages": scan.averages,
-        "device_time_s": round(outcome.device_time_s, 6),
-        "shot_limited_s": job.shots / run.settings.pulser.prf_hz,
-        "flags": {f.words: n for f in Flag if f and (n := int(np.count_nonzero(cloud.flags & np.uint16(f))))},
-        "laser_off_verified": outcome.safe.laser_off_verified,
-        "safe_state": outcome.safe.steps,
-        "suspended": outcome.suspended,
-        "stop_reason": outcome.stop_reason,
-    }
-    if run.simulated is not None:
-        result["truth"] = run.simulated.truth_of(cloud)
-    return result
+        run.controller.warm_up(show)

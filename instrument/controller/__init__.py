@@ -1,7 +1,7 @@
-"""The controller: a state machine that owns the devices, interlocks as data, and the safe way out."""
+"""The controller: a state machine that owns the devices, interlocks as data, and the safe shutdown."""
 
 from picoradar.instrument.controller.controller import Controller
-from picoradar.instrument.controller.job import Between, LineStore, ScanJob, ScanOutcome, Sink
+from picoradar.instrument.controller.job import STATE_EVENT, Between, LineStore, ScanJob, ScanOutcome, Sink
 from picoradar.instrument.controller.laser_class import EDITION, PulseTrain, classify
 from picoradar.instrument.controller.requests import Request
 from picoradar.instrument.controller.safety import SafeState, make_safe
@@ -10,6 +10,7 @@ from picoradar.instrument.controller.states import STATES, TRANSITIONS, State, a
 __all__ = [
     "EDITION",
     "STATES",
+    "STATE_EVENT",
     "TRANSITIONS",
     "Between",
     "Controller",

@@ -1,4 +1,4 @@
-"""The controller: verbs of the radar, one owner of all devices, and a safe way out of everything."""
+"""The controller: verbs of the radar, one owner of all devices, and a safe shutdown from everywhere."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from collections.abc import Callable, Iterable
 from picoradar.drivers.errors import DeviceError
 from picoradar.drivers.interfaces import Identity, TemperatureStatus
 from picoradar.instrument.bench import Bench
+from picoradar.instrument.controller.context import RunContext
 from picoradar.instrument.controller.exposure import refuse_above_class_1
 from picoradar.instrument.controller.interlocks import interlocks
 from picoradar.instrument.controller.job import LineStore, ScanJob, ScanOutcome, Sink
 from picoradar.instrument.controller.machine import StateMachine
+from picoradar.instrument.controller.recovery import open_devices
 from picoradar.instrument.controller.requests import Request, Requests
 from picoradar.instrument.controller.run import ScanRun
 from picoradar.instrument.controller.safety import SafeState, make_safe
 from picoradar.instrument.controller.states import State
-from picoradar.instrument.controller.station import Station
 from picoradar.instrument.controller.supervision import Supervisor
+from picoradar.instrument.controller.warming import reach_temperature
 from picoradar.instrument.errors import InterlockTripped, Interrupted, NotAllowed
 from picoradar.instrument.events import logger
 from picoradar.instrument.settings import Settings
 
-WARM_POLL_S = 1.0
 REST_POLL_S = 0.1
-NEAR_K = 0.2  # to the target: a controller that has just been given another one may still call itself stable
 
 _numbers = itertools.count(1)
 
@@ -33,7 +33,7 @@ class Controller:
     """Runs one bench.
 
     All verbs are called from one thread, which owns the devices. `request` alone may be called from any thread or
-    from a signal handler: what it asks for is carried out between two places of the raster.
+    from a signal handler: what it asks for is carried out between two points.
 
     Parameters
     ----------
@@ -70,14 +70,14 @@ class Controller:
 
     def why(self) -> list[str]:
         """Get what holds the run now: the latched cause of a fault, and each interlock that does not hold."""
-        return [*filter(None, [self.cause]), *self._supervisor.panel.why()]
+        return [*filter(None, [self.cause]), *self._supervisor.monitor.why()]
 
     def request(self, what: Request) -> None:
         """Ask for a way to stop, pause or go on; returns at once, safe from any thread or signal handler.
 
-        ``finish`` ends after the line in hand, ``pause`` likewise but can go on, ``abort`` ends at the next place and
+        ``finish`` ends after the line in hand, ``pause`` likewise but can go on, ``abort`` ends at the next point and
         drops the line in hand, ``interrupt`` is an abort by Ctrl-C or SIGTERM, ``emergency off`` ends at the next
-        place, switches the diode off too and latches ``fault``.
+        point, switches the diode off too and latches ``fault``.
         """
         self._requests.put(what)
 
@@ -109,12 +109,12 @@ class Controller:
         self.bench.pulser.configure(prf_hz=settings.pulser.prf_hz, drive_v=settings.pulser.drive_v)
         self.settings, self._supervisor = settings, supervisor
 
-    def warm_up(self, watch: Callable[[TemperatureStatus], None] | None = None) -> None:
+    def warm_up(self, show: Callable[[TemperatureStatus], None] | None = None) -> None:
         """Bring the diode to its temperature and wait until it is stable; no light.
 
         Parameters
         ----------
-        watch : callable, optional
+        show : callable, optional
             Called with each reading, once a second.
 
         Raises
@@ -125,7 +125,7 @@ class Controller:
             When an abort was asked for; the state is ``connected`` again and the diode is off.
         """
         try:
-            self._machine.go("warm_up", lambda: self._warm(watch))
+            self._machine.go("warm_up", lambda: self._warm(show))
         except NotAllowed:
             raise
         except BaseException:
@@ -151,17 +151,17 @@ class Controller:
         Raises
         ------
         InterlockTripped, DeviceError, RecordingError
-            After the safe way out; the state is ``fault`` with the cause, or still ``ready`` when an interlock that
+            After the safe shutdown; the state is ``fault`` with the cause, or still ``ready`` when an interlock that
             may come back by itself held the scan before there was light.
         NotAllowed
             In a state other than ``ready``.
         """
         self._machine.check("start_scan")
         self._supervisor.begin()
-        station = Station(
+        context = RunContext(
             self.bench, self.settings, self._machine, self._supervisor, self._requests, self._known, self._log
         )
-        run = ScanRun(station, job, store, list(sinks))
+        run = ScanRun(context, job, store, list(sinks))
         try:
             return run.run()
         finally:
@@ -173,12 +173,12 @@ class Controller:
         Parameters
         ----------
         until : callable
-            Looked at ten times a second; by default this is one look at what was asked for.
+            Polled ten times a second; by default requests are polled once.
 
         Raises
         ------
         Interrupted
-            When a way to stop was asked for, after the safe way out; the state is what it was.
+            When a way to stop was asked for, after the safe shutdown; the state is what it was.
         InterlockTripped
             After an emergency off; the state is ``fault``.
         """
@@ -201,7 +201,7 @@ class Controller:
         cause = self.cause
         self._machine.go("acknowledge", self._close_all)
         self._machine.clear()
-        self._supervisor.panel.clear()
+        self._supervisor.monitor.clear()
         return cause
 
     def shut_down(self) -> SafeState:
@@ -223,18 +223,8 @@ class Controller:
     # ---- entry actions
 
     def _open_all(self) -> None:
-        """Open all, also after one has failed: the more links stand, the more can be switched off and read back."""
-        failures: list[DeviceError] = []
         try:
-            for device in self.bench.devices().values():
-                try:
-                    device.open()
-                except DeviceError as error:
-                    failures.append(error)
-            if failures:
-                for other in failures[1:]:
-                    failures[0].add_note(f"and {other}")
-                raise failures[0]
+            open_devices(self.bench)
             self.bench.pulser.configure(prf_hz=self.settings.pulser.prf_hz, drive_v=self.settings.pulser.drive_v)
             self._known = self.bench.identify()
         except BaseException:
@@ -249,28 +239,9 @@ class Controller:
             except DeviceError as error:
                 self._log.warning("close failed", device=name, error=str(error))
 
-    def _warm(self, watch: Callable[[TemperatureStatus], None] | None) -> None:
-        diode, limit_s = self.bench.diode, self.settings.diode.warm_up_limit_s
-        diode.regulate(self.settings.diode.target_degc)
-        end = self.bench.clock.now() + limit_s
-        while True:
-            status = diode.status()
-            if watch is not None:
-                watch(status)
-            if status.problem:
-                raise InterlockTripped("diode regulation", f"{status.problem} during warm-up; reset the controller")
-            if status.stable and abs(status.temperature_degc - self.settings.diode.target_degc) < NEAR_K:
-                return
-            if self.bench.clock.now() > end:
-                raise InterlockTripped(
-                    "warm-up",
-                    f"{status.temperature_degc:.2f} degC after {limit_s:g} s, not stable; check the heat sink",
-                )
-            if self._requests.stop_asked():
-                diode.off()
-                self._machine.go("cancel_warm_up")
-                return
-            self.bench.clock.sleep(WARM_POLL_S)
+    def _warm(self, show: Callable[[TemperatureStatus], None] | None) -> None:
+        if not reach_temperature(self.bench, self.settings.diode, self._requests, show):
+            self._machine.go("cancel_warm_up")
 
     def _note_change(self, old: State, new: State, verb: str) -> None:
         self._log = self._log.bind(state=new)

@@ -9,13 +9,12 @@ from typing import Literal
 
 from picoradar.drivers.interfaces import PulserStatus, SamplerStatus, TemperatureStatus
 from picoradar.instrument.controller.exposure import Exposure
-from picoradar.instrument.settings import Settings
+from picoradar.instrument.settings import TRANSMITTER_HEAT, Settings
 
 Action = Literal["suspend", "abort", "off"]
 INFINITE = math.inf
-AVERAGE_CURRENT_A = 0.020  # S 2.6.1: a few mA to some 10 mA; 290 V on the bleeder draw 12 mA
-HEAT_LIMIT_V2HZ = 300.0**2 * 80_000.0  # S 2.6.1: above about 300 V at 80 kHz the transmitter overheats
-LEAST_HEARTBEAT_S = 0.4  # of the watchdog's second; the host beats every quarter of it
+AVERAGE_CURRENT_A = 0.020  # section 2.6.1: a few mA to some 10 mA; 290 V on the bleeder draw 12 mA
+MIN_HEARTBEAT_S = 0.4  # of the watchdog's second; the host beats every quarter of it
 REFERENCE_WINDOW_PS = 1000.0  # it moves with drive voltage, rate and temperature; an echo is later than that
 REFERENCE_MV = (3.0, 110.0)  # below, its place is doubtful; above, the A/D is at its end
 REFERENCE_SHARE = (0.7, 1.4)  # of that of the run's first line: beyond, the laser has left its working point
@@ -23,7 +22,7 @@ REFERENCE_SHARE = (0.7, 1.4)  # of that of the run's first line: beyond, the las
 
 @dataclass(frozen=True)
 class Readings:
-    """What a look at the bench found; None where nobody was asked.
+    """What a poll of the bench found; None where no device was asked.
 
     Attributes
     ----------
@@ -61,7 +60,7 @@ class Interlock:
         For messages.
     quantity : callable
         Gets the value out of the readings; None when it was not measured.
-    least, most : float
+    minimum, maximum : float
         Band in which the value must lie.
     action : str
         ``suspend``: laser off, go on by itself when it holds again; ``abort``: the scan ends; ``off``: the scan ends
@@ -79,8 +78,8 @@ class Interlock:
     name: str
     unit: str
     quantity: Callable[[Readings], float | None]
-    least: float
-    most: float
+    minimum: float
+    maximum: float
     action: Action
     remedy: str
     emitting_only: bool = False
@@ -90,7 +89,7 @@ class Interlock:
     def holds(self, value: float, *, tripped: bool) -> bool:
         """Get whether the value is in its band (NaN is not); the band is narrower while it is tripped."""
         inside = self.hysteresis if tripped else 0.0
-        return self.least + inside <= value <= self.most - inside
+        return self.minimum + inside <= value <= self.maximum - inside
 
     def describe(self, value: float) -> str:
         """Say value, band and remedy."""
@@ -99,9 +98,9 @@ class Interlock:
     @property
     def band(self) -> str:
         """Get the band in words, without its unit."""
-        if self.least == self.most:
-            return f"{self.least:g}"
-        return f"at least {self.least:g}" if self.most == INFINITE else f"{self.least:g} to {self.most:g}"
+        if self.minimum == self.maximum:
+            return f"{self.minimum:g}"
+        return f"at least {self.minimum:g}" if self.maximum == INFINITE else f"{self.minimum:g} to {self.maximum:g}"
 
 
 def _truth(value: bool | None) -> float | None:
@@ -118,8 +117,12 @@ def interlocks(settings: Settings, exposure: Exposure) -> tuple[Interlock, ...]:
     exposure : Exposure
         Bound of the pulse energy, for the mean power at the measured rate.
     """
-    target, drive_v, prf_hz = settings.diode.target_degc, settings.pulser.drive_v, settings.pulser.prf_hz
-    reference_ps = settings.sampler.reference_ps
+    return (*_of_bridge(settings, exposure), *_of_pulser(settings), *_of_diode(settings), *_of_line(settings))
+
+
+def _of_bridge(settings: Settings, exposure: Exposure) -> tuple[Interlock, ...]:
+    """Interlocks that every status of the bridge tells of."""
+    prf_hz = settings.pulser.prf_hz
     return (
         Interlock(
             "interlock line", "", lambda r: _truth(r.sampler.interlock_closed) if r.sampler else None,
@@ -131,7 +134,7 @@ def interlocks(settings: Settings, exposure: Exposure) -> tuple[Interlock, ...]:
         ),
         Interlock(
             "host heartbeat", "s", lambda r: r.sampler.watchdog_left_s if r.sampler else None,
-            LEAST_HEARTBEAT_S, INFINITE, "abort", "heartbeats reach the bridge late: this computer is overloaded",
+            MIN_HEARTBEAT_S, INFINITE, "abort", "heartbeats reach the bridge late: this computer is overloaded",
             emitting_only=True,
         ),
         Interlock(
@@ -147,6 +150,13 @@ def interlocks(settings: Settings, exposure: Exposure) -> tuple[Interlock, ...]:
             "mean power", "of class 1", lambda r: exposure.share(r.sampler.trigger_hz) if r.sampler else None,
             0, 1, "off", "light would leave class 1: lower rate or drive voltage", emitting_only=True,
         ),
+    )  # fmt: skip
+
+
+def _of_pulser(settings: Settings) -> tuple[Interlock, ...]:
+    """Interlocks of the drive supply and the transmitter."""
+    drive_v = settings.pulser.drive_v
+    return (
         Interlock(
             "supply enable", "", lambda r: _truth(r.pulser.interlock_closed) if r.pulser else None,
             1, 1, "abort", "close the ENA terminals of the drive supply",
@@ -161,9 +171,16 @@ def interlocks(settings: Settings, exposure: Exposure) -> tuple[Interlock, ...]:
         ),
         Interlock(
             "pulser heat", "of its limit",
-            lambda r: r.pulser.measured_v**2 * r.pulser.prf_hz / HEAT_LIMIT_V2HZ if r.pulser else None,
+            lambda r: r.pulser.measured_v**2 * r.pulser.prf_hz / TRANSMITTER_HEAT.value if r.pulser else None,
             0, 1.02, "off", "drive voltage squared times rate overheats the transmitter", emitting_only=True,
         ),
+    )  # fmt: skip
+
+
+def _of_diode(settings: Settings) -> tuple[Interlock, ...]:
+    """Interlocks of the diode's temperature."""
+    target = settings.diode.target_degc
+    return (
         Interlock(
             "diode regulation", "", lambda r: _truth(r.diode.regulating and not r.diode.problem) if r.diode else None,
             1, 1, "off", "the temperature controller has stopped: read its error, reset it",
@@ -176,6 +193,13 @@ def interlocks(settings: Settings, exposure: Exposure) -> tuple[Interlock, ...]:
             "diode temperature", "degC", lambda r: r.diode.temperature_degc if r.diode else None,
             target - 0.2, target + 0.2, "suspend", "the scan waits for the diode", hysteresis=0.05, hold_off_s=0.5,
         ),
+    )  # fmt: skip
+
+
+def _of_line(settings: Settings) -> tuple[Interlock, ...]:
+    """Interlocks of mirrors, reference and recording, judged once a line."""
+    reference_ps = settings.sampler.reference_ps
+    return (
         Interlock(
             "mirrors", "", lambda r: _truth(r.mirrors_answer),
             1, 1, "abort", "the galvo controller does not answer: check its cable and supply",

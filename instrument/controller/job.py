@@ -6,20 +6,23 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from picoradar.drivers.interfaces import Galvo, Sampler
 from picoradar.instrument.controller.safety import SafeState
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import Flag, ScanLine
 
 Sink = Callable[[ScanLine], None]
 Between = Callable[[], None]
+STATE_EVENT = "memory"
+"""Kind of the event that carries `ScanJob.state_dict`; the name is part of the file format (docs/recording.md)."""
 
 
 class ScanJob(Protocol):
-    """The raster and how its lines are taken; knows nothing of states or safety."""
+    """Lines and how they are taken; knows nothing of states or safety."""
 
     def configure(self, sampler: Sampler) -> None:
         """Tell the sampler how records are taken."""
@@ -36,11 +39,11 @@ class ScanJob(Protocol):
     def reference(self) -> tuple[float, float | None]:
         """Get the lowest amplitude (mV) and median place (ps) of the reference in the last line; 0 and None: none."""
 
-    def memory(self) -> dict[str, Any]:
+    def state_dict(self) -> JsonObject:
         """Get what the next line needs to know of those before, as plain data; empty for nothing."""
 
     def take_line(self, row: int, galvo: Galvo, sampler: Sampler, between: Between) -> ScanLine:
-        """Take one line with the laser on; ``between`` is called before each place and may raise."""
+        """Take one line with the laser on; ``between`` is called before each point and may raise."""
 
 
 class LineStore(Protocol):
@@ -56,7 +59,7 @@ class LineStore(Protocol):
     def event(self, time_s: float, kind: str, *, state: str | None = None, **fields: object) -> None:
         """Store what happened."""
 
-    def finish(self, stop_reason: str, laser_off_verified: bool, **summary: object) -> bool:
+    def finish(self, stop_reason: str, *, laser_off_verified: bool, **summary: object) -> bool:
         """Close the record of the scan."""
 
 
@@ -69,14 +72,14 @@ class ScanOutcome:
     stop_reason : str
         ``complete``, ``finished early``, ``aborted``, ``interrupted``, or the cause of a fault.
     safe : SafeState
-        What the way out found, step by step.
+        What the safe shutdown found, step by step.
     lines, points : int
         Lines stored; entries in them that carry a range.
     device_time_s : float
-        From the first place (laser on, diode at its working point) to the last, on the bench's clock; the way out
-        to the safe state comes on top (`dark_s`).
+        From the first point (laser on, diode at its working point) to the last, on the bench's clock; the
+        shutdown to the safe state comes on top (`dark_s`).
     dark_s : float
-        From the moment at which the end was decided to the last step of the safe way out.
+        From the moment at which the end was decided to the last step of the safe shutdown.
     suspended : list of str
         Why the scan had to wait, each time.
     flags : Counter

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 EDITION = "IEC 60825-1:2014 (edition 3), class 1, C6 = C7 = 1; a calculation, not a certification"
-LEAST_NM, MOST_NM = 700.0, 1050.0
+MIN_NM, MAX_NM = 700.0, 1050.0
 T_I_S = 5e-6  # pulses closer than this are summed
 T_BASE_S = 10.0  # T2 of a small source: pulses are counted over it
 SHORT_S, SHORTEST_S = 1e-11, 1e-13
@@ -38,7 +38,7 @@ class PulseTrain:
 
     def __post_init__(self) -> None:
         for name, least, most in (
-            ("wavelength_nm", LEAST_NM, MOST_NM),
+            ("wavelength_nm", MIN_NM, MAX_NM),
             ("prf_hz", 1.0 / T_BASE_S, 1e9),
             ("pulse_energy_nj", 0.0, 1e12),
             ("pulse_width_s", SHORTEST_S, T_I_S),
@@ -80,7 +80,7 @@ class LaserClass:
 
 def c4(wavelength_nm: float) -> float:
     """Correction for the absorption of the eye's pigment, ``10^(0.002 (wavelength - 700))``, 700 to 1050 nm."""
-    return float(10.0 ** (0.002 * (wavelength_nm - LEAST_NM)))
+    return float(10.0 ** (0.002 * (wavelength_nm - MIN_NM)))
 
 
 def c5(pulses: float) -> float:

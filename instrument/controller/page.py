@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 import sys
+from functools import partial
 from pathlib import Path
 
 from picoradar.instrument.controller.exposure import exposure_of
@@ -37,8 +38,12 @@ def renewed(page: str) -> str:
         place = re.compile(rf"(<!-- {name} -->\n).*?(^<!-- end -->)", re.DOTALL | re.MULTILINE)
         if not place.search(page):
             raise ValueError(f"the page has no place <!-- {name} --> ... <!-- end -->")
-        page = place.sub(lambda found, text=text: found[1] + text + "\n" + found[2], page)  # type: ignore[misc]
+        page = place.sub(partial(_filled, text), page)
     return page
+
+
+def _filled(text: str, found: re.Match[str]) -> str:
+    return f"{found[1]}{text}\n{found[2]}"
 
 
 if __name__ == "__main__":

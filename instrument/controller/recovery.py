@@ -10,6 +10,7 @@ from picoradar.drivers.interfaces import Identity
 from picoradar.instrument.bench import Bench
 from picoradar.instrument.controller.job import ScanJob
 from picoradar.instrument.errors import InterlockTripped
+from picoradar.instrument.events import Log
 from picoradar.instrument.settings import Settings
 
 LINK_ERRORS = (LinkLost, Timeout, ProtocolError)
@@ -25,7 +26,27 @@ def waits() -> Iterator[float]:
         wait_s = min(2 * wait_s, LONGEST_WAIT_S)
 
 
-def reopen(bench: Bench, settings: Settings, known: Mapping[str, Identity], log: Any) -> None:
+def open_devices(bench: Bench) -> None:
+    """Open all, also after one has failed: the more links stand, the more can be switched off and read back.
+
+    Raises
+    ------
+    DeviceError
+        Of the first device that failed, with those of the others as notes.
+    """
+    failures: list[DeviceError] = []
+    for device in bench.devices().values():
+        try:
+            device.open()
+        except DeviceError as error:
+            failures.append(error)
+    if failures:
+        for other in failures[1:]:
+            failures[0].add_note(f"and {other}")
+        raise failures[0]
+
+
+def reopen(bench: Bench, settings: Settings, known: Mapping[str, Identity], log: Log) -> None:
     """Open every device that does not answer, check that it is the same one, and keep the diode at its temperature.
 
     Parameters
@@ -96,7 +117,7 @@ def _answers(bench: Bench, name: str) -> bool:
     return True
 
 
-def _close(device: Any, name: str, log: Any) -> None:
+def _close(device: Any, name: str, log: Log) -> None:
     try:
         device.close()
     except DeviceError as error:

@@ -1,14 +1,14 @@
-"""One scan from the first look at the interlocks to the verified safe state."""
+"""One scan from the first poll of the interlocks to the verified safe state."""
 
 from __future__ import annotations
 
 from picoradar.drivers.errors import DeviceError, DeviceFault
+from picoradar.instrument.controller.context import RunContext, reach_working_point
 from picoradar.instrument.controller.disk import lines_left, refuse_small_disk
-from picoradar.instrument.controller.job import LineStore, ScanJob, ScanOutcome, Sink
+from picoradar.instrument.controller.job import STATE_EVENT, LineStore, ScanJob, ScanOutcome, Sink
 from picoradar.instrument.controller.recovery import LIMIT_S, LINK_ERRORS, apply_settings, reopen, waits
 from picoradar.instrument.controller.requests import EndScan
 from picoradar.instrument.controller.safety import make_safe
-from picoradar.instrument.controller.station import Station, reach_working_point
 from picoradar.instrument.errors import InterlockTripped
 from picoradar.instrument.line import ScanLine
 
@@ -18,11 +18,11 @@ SUSPENSIONS_PER_LINE = 3  # a line that is broken off again and again is not wor
 
 
 class ScanRun:
-    """Takes the lines of a job one after the other; knows how to wait, to come back, and to leave.
+    """Takes the lines of a job one after the other; knows how to wait, to recover, and to end.
 
     Parameters
     ----------
-    station : Station
+    context : RunContext
     job : ScanJob
     store : LineStore
         Each line is stored before it is handed on.
@@ -30,11 +30,11 @@ class ScanRun:
         Get each stored line; one that raises is left out from then on.
     """
 
-    def __init__(self, station: Station, job: ScanJob, store: LineStore, sinks: list[Sink]) -> None:
+    def __init__(self, context: RunContext, job: ScanJob, store: LineStore, sinks: list[Sink]) -> None:
         self.outcome = ScanOutcome()
-        self._station = station
-        self._bench = station.bench
-        self._clock = station.bench.clock
+        self._context = context
+        self._bench = context.bench
+        self._clock = context.bench.clock
         self._job = job
         self._store = store
         self._sinks = sinks
@@ -42,14 +42,14 @@ class ScanRun:
         self._settled = False
 
     def run(self) -> ScanOutcome:
-        """Take all lines; whatever happens, leave by the safe way out and write its outcome down.
+        """Take all lines; whatever happens, end with the safe shutdown and write its outcome down.
 
         Raises
         ------
         InterlockTripped, DeviceError, RecordingError
-            After the safe way out, with the state at ``fault`` (or still ``ready``, when it was refused before light).
+            After the safe shutdown, with the state at ``fault`` (or still ``ready``, when it was refused before light).
         """
-        machine = self._station.machine
+        machine = self._context.machine
         try:
             if self._job.rows:
                 self._begin()
@@ -84,20 +84,20 @@ class ScanRun:
     def _begin(self) -> None:
         refuse_small_disk(self._job, self._store)
         self._wait_for_interlocks()
-        apply_settings(self._bench, self._station.settings, self._job)
+        apply_settings(self._bench, self._context.settings, self._job)
         self._light_on("start_scan")
 
     def _light_on(self, verb: str) -> None:
         """Everything but the gate first, so that the gate is open only in ``scanning``."""
-        self._station.supervisor.start_beating()
+        self._context.supervisor.start_beating()
         self._bench.pulser.on()
-        self._station.machine.go(verb, self._bench.sampler.gate_on)
-        self._store.event(self._clock.now(), "laser on", state=self._station.machine.state)
+        self._context.machine.go(verb, self._bench.sampler.gate_on)
+        self._store.event(self._clock.now(), "laser on", state=self._context.machine.state)
         self._settled = False
 
     def _settle(self) -> None:
         if not self._settled:
-            if not reach_working_point(self._station, self._between):
+            if not reach_working_point(self._context, self._between):
                 self._store.event(self._clock.now(), "working point not reached")
             self._settled = True
             if not self.outcome.lines:
@@ -110,12 +110,12 @@ class ScanRun:
         suspensions = 0
         while True:
             try:
-                if self._station.requests.at_line():
+                if self._context.requests.at_line():
                     self._pause()
                 self._settle()
-                self._station.supervisor.look_before_line(lambda: lines_left(self._job, self._store))
+                self._context.supervisor.poll_before_line(lambda: lines_left(self._job, self._store))
                 line = self._job.take_line(row, self._bench.galvo, self._bench.sampler, self._between)
-                self._station.supervisor.judge_line(*self._job.reference)
+                self._context.supervisor.judge_line(*self._job.reference)
                 return line
             except (InterlockTripped, *LINK_ERRORS) as cause:
                 suspensions += 1
@@ -125,8 +125,8 @@ class ScanRun:
                 self._suspend(cause)
 
     def _keep(self, line: ScanLine) -> None:
-        if memory := self._job.memory():  # before the line: whoever finds the line finds what comes after it
-            self._store.event(self._clock.now(), "memory", line=line.index, **memory)
+        if state := self._job.state_dict():  # before the line: whoever finds the line finds what comes after it
+            self._store.event(self._clock.now(), STATE_EVENT, line=line.index, **state)
         self._store.append(line, acknowledged_at_s=self._clock.now())
         self.outcome.count(line)
         for sink in list(self._sinks):
@@ -134,24 +134,24 @@ class ScanRun:
                 sink(line)
             except Exception as error:  # noqa: BLE001 - a viewer may fail in any way; the beam and the recording go on
                 self._sinks.remove(sink)
-                self._station.log.error("sink failed and is left out", line=line.index, error=repr(error))
+                self._context.log.error("sink failed and is left out", line=line.index, error=repr(error))
 
     def _between(self) -> None:
-        self._station.requests.at_place()
-        self._station.supervisor.look()
+        self._context.requests.at_place()
+        self._context.supervisor.poll()
 
-    def _look(self, *, emitting: bool) -> None:
-        self._station.supervisor.look_at_all(emitting=emitting, disk_lines=lambda: lines_left(self._job, self._store))
+    def _poll(self, *, emitting: bool) -> None:
+        self._context.supervisor.poll_all(emitting=emitting, disk_lines=lambda: lines_left(self._job, self._store))
 
     # ---- waiting without light
 
     def _pause(self) -> None:
         """Laser off between two lines until somebody asks to go on (or to end)."""
         self._go_dark("pause", None)
-        while not self._station.requests.at_rest():
-            self._clock.wait(self._station.requests.waiting, PAUSE_POLL_S)
+        while not self._context.requests.at_rest():
+            self._clock.wait(self._context.requests.waiting, PAUSE_POLL_S)
         self._wait_for_interlocks()
-        apply_settings(self._bench, self._station.settings, self._job)
+        apply_settings(self._bench, self._context.settings, self._job)
         self._light_on("resume")
 
     def _suspend(self, cause: Exception) -> None:
@@ -163,16 +163,16 @@ class ScanRun:
         for wait_s in waits():
             self._rest(wait_s)
             try:
-                reopen(self._bench, self._station.settings, self._station.known, self._station.log)
-                self._look(emitting=False)
-                apply_settings(self._bench, self._station.settings, self._job)
+                reopen(self._bench, self._context.settings, self._context.known, self._context.log)
+                self._poll(emitting=False)
+                apply_settings(self._bench, self._context.settings, self._job)
                 self._light_on("recover")
                 return
             except LINK_ERRORS as lost:
-                if self._station.machine.state != "suspended" or self._clock.now() >= end:
+                if self._context.machine.state != "suspended" or self._clock.now() >= end:
                     raise
-                self._station.supervisor.stop_beating()
-                self._station.log.info("link still away", cause=str(lost))
+                self._context.supervisor.stop_beating()
+                self._context.log.info("link still away", cause=str(lost))
             except InterlockTripped as held:
                 if held.action != "suspend" or self._clock.now() >= end:
                     raise
@@ -182,7 +182,7 @@ class ScanRun:
         end = self._clock.now() + SUSPEND_LIMIT_S
         while True:
             try:
-                self._look(emitting=False)
+                self._poll(emitting=False)
                 return
             except InterlockTripped as held:
                 if held.action != "suspend":
@@ -192,31 +192,31 @@ class ScanRun:
                 self._rest(1.0)
 
     def _rest(self, wait_s: float) -> None:
-        self._clock.wait(self._station.requests.waiting, wait_s)
-        self._station.requests.at_place()
+        self._clock.wait(self._context.requests.waiting, wait_s)
+        self._context.requests.at_place()
 
     def _go_dark(self, verb: str, cause: Exception | None) -> None:
-        self._station.supervisor.stop_beating()
+        self._context.supervisor.stop_beating()
         safe = make_safe(self._bench, blamed=self._bench.suspected(cause) if cause is not None else "")
-        self._station.machine.go(verb)
+        self._context.machine.go(verb)
         self._store.event(
-            self._clock.now(), verb, state=self._station.machine.state, cause=str(cause or ""), **safe.steps
+            self._clock.now(), verb, state=self._context.machine.state, cause=str(cause or ""), **safe.steps
         )
-        self._station.log.warning(verb, cause=str(cause or ""), safe=str(safe))
+        self._context.log.warning(verb, cause=str(cause or ""), safe=str(safe))
         if not safe.laser_off_verified:
             raise InterlockTripped(verb, str(safe), action="off")
 
-    # ---- the way out
+    # ---- the end
 
     def _leave(self, error: BaseException | None) -> None:
-        self._station.supervisor.stop_beating()
+        self._context.supervisor.stop_beating()
         decided_s = self._clock.now()
         blamed = self._bench.suspected(error) if error is not None else ""
         everything = isinstance(error, InterlockTripped) and error.action == "off"
         self.outcome.safe = make_safe(self._bench, blamed=blamed, diode_off=everything)
         self.outcome.dark_s = self._clock.now() - decided_s
         self.outcome.device_time_s = decided_s - self._began_s
-        level = self._station.log.info if self.outcome.safe.laser_off_verified else self._station.log.critical
+        level = self._context.log.info if self.outcome.safe.laser_off_verified else self._context.log.critical
         level("scan ended", reason=self.outcome.stop_reason, safe=str(self.outcome.safe), lines=self.outcome.lines)
 
     def _behind(self, error: BaseException) -> list[str]:
@@ -224,7 +224,7 @@ class ScanRun:
         if not isinstance(error, DeviceFault):
             return []
         try:
-            self._look(emitting=False)
+            self._poll(emitting=False)
         except (InterlockTripped, DeviceError) as found:
             return [str(found)]
         return []
@@ -234,11 +234,11 @@ class ScanRun:
         try:
             self._write_end()
         except Exception as error:  # noqa: BLE001 - must not hide the failure that is being raised
-            self._station.log.error("the end of the scan could not be recorded", error=repr(error))
+            self._context.log.error("the end of the scan could not be recorded", error=repr(error))
 
     def _write_end(self) -> None:
         outcome = self.outcome
-        state = self._station.machine.state
+        state = self._context.machine.state
         self._store.event(self._clock.now(), "safe state", state=state, **outcome.safe.steps)
         self._store.finish(
             outcome.stop_reason,

@@ -1,4 +1,4 @@
-"""The safe way out: every barrier before the laser is closed and read back, whatever failed before."""
+"""The safe shutdown: every barrier before the laser is closed and read back, whatever failed before."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ VERIFIED = "verified"
 
 @dataclass(frozen=True)
 class SafeState:
-    """Outcome of one way out.
+    """Outcome of one safe shutdown.
 
     Attributes
     ----------

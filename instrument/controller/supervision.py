@@ -1,4 +1,4 @@
-"""What watches over a run: the heartbeat of the gate, and a regular look at all interlocks."""
+"""`Supervisor`: the heartbeat of the gate, and a regular poll of all interlocks."""
 
 from __future__ import annotations
 
@@ -7,27 +7,27 @@ from collections.abc import Callable
 from picoradar.drivers.clock import Timer
 from picoradar.drivers.errors import DeviceError
 from picoradar.instrument.bench import Bench
+from picoradar.instrument.controller.interlock_monitor import InterlockMonitor
 from picoradar.instrument.controller.interlocks import Interlock, Readings
-from picoradar.instrument.controller.panel import Panel
+from picoradar.instrument.settings import WATCHDOG
 
-WATCHDOG_S = 1.0  # time limit that the sampler's driver sets in the device
-BEAT_S = WATCHDOG_S / 4  # SBP 1.0 section 5: every quarter of the timeout
-LOOK_S = 2.0  # between two places, the diode is looked at this often; it cannot leave its band faster
-# The slow serial links are asked between two lines, this often. What can change faster shows elsewhere before each
-# place or line: gate, trigger rate and interlock at the bridge, drive voltage in the amplitude of the reference.
-ALL_S = 5.0
+BEAT_S = WATCHDOG.value / 4  # SBP 1.0 section 5: every quarter of the timeout
+DIODE_POLL_S = 2.0  # between two points, the diode is polled this often; it cannot leave its band faster
+# The slow serial links are polled between two lines, this often. What can change faster shows elsewhere before each
+# point or line: gate, trigger rate and interlock at the bridge, drive voltage in the amplitude of the reference.
+POLL_ALL_S = 5.0
 
 
 class Supervisor:
-    """Feeds the watchdog as long as all is well, and looks at the interlocks.
+    """Feeds the watchdog as long as all is well, and polls the interlocks.
 
-    The heartbeat is a timer of the clock and runs in the one thread that also looks at the interlocks: when that
+    The heartbeat is a timer of the clock and runs in the one thread that also polls the interlocks: when that
     thread is stuck, or has seen a fault, the beat stops and the bridge closes the gate by itself.
-    Every look hands each device's readings to the panel before it asks the next one, the fastest link first.
+    Every poll hands each device's readings to the monitor before it asks the next device, the fastest link first.
     """
 
     def __init__(self, bench: Bench, table: tuple[Interlock, ...]) -> None:
-        self.panel = Panel(table, bench.clock)
+        self.monitor = InterlockMonitor(table, bench.clock)
         self._bench = bench
         self._timer: Timer | None = None
         self._failure: DeviceError | None = None
@@ -38,7 +38,7 @@ class Supervisor:
 
     def begin(self) -> None:
         """Forget what an earlier run has left."""
-        self.panel.clear()
+        self.monitor.clear()
         self._first_reference_mv = None
 
     def start_beating(self) -> None:
@@ -55,7 +55,7 @@ class Supervisor:
             self._timer.cancel()
             self._timer = None
 
-    def look_at_all(self, *, emitting: bool, disk_lines: Callable[[], float] | None = None) -> None:
+    def poll_all(self, *, emitting: bool, disk_lines: Callable[[], float] | None = None) -> None:
         """Ask every device and check every interlock.
 
         Parameters
@@ -70,35 +70,35 @@ class Supervisor:
         InterlockTripped, DeviceError
         """
         bench = self._bench
-        self._judge(Readings(sampler=bench.sampler.status()), emitting)
+        self._judge(Readings(sampler=bench.sampler.status()), emitting=emitting)
         self._pulser_free = False
         pulser = bench.pulser.status()
         self._pulser_free = emitting
-        self._judge(Readings(pulser=pulser), emitting)
-        self._judge(Readings(diode=bench.diode.status()), emitting)
+        self._judge(Readings(pulser=pulser), emitting=emitting)
+        self._judge(Readings(diode=bench.diode.status()), emitting=emitting)
         self._diode_seen_s = bench.clock.now()
         bench.galvo.ready()  # busy or not does not matter: it has answered
         lines = disk_lines() if disk_lines is not None else None
-        self._judge(Readings(mirrors_answer=True, disk_lines=lines), emitting)
+        self._judge(Readings(mirrors_answer=True, disk_lines=lines), emitting=emitting)
         self._all_seen_s = bench.clock.now()
 
-    def look_before_line(self, disk_lines: Callable[[], float]) -> None:
-        """Between two lines, with the laser on: look at all if it is due again, else as before a place.
+    def poll_before_line(self, disk_lines: Callable[[], float]) -> None:
+        """Between two lines, with the laser on: poll all devices if it is due again, else as before a point.
 
         Raises
         ------
         InterlockTripped, DeviceError
         """
-        if self._bench.clock.now() - self._all_seen_s >= ALL_S:
-            self.look_at_all(emitting=True, disk_lines=disk_lines)
+        if self._bench.clock.now() - self._all_seen_s >= POLL_ALL_S:
+            self.poll_all(emitting=True, disk_lines=disk_lines)
         else:
-            self.look()
+            self.poll()
 
-    def look(self) -> None:
-        """Before each place: heartbeat and bridge; the diode every two seconds.
+    def poll(self) -> None:
+        """Before each point: heartbeat and bridge; the diode every two seconds.
 
         A beat here keeps the timer's beats inside the records, where they delay nothing: the time between the
-        mirrors' step and the first shot is then the same at every place, whatever happened before.
+        mirrors' step and the first shot is then the same at every point, whatever happened before.
 
         Raises
         ------
@@ -106,9 +106,9 @@ class Supervisor:
         """
         self._raise_failure()
         self._rearm()
-        self._judge(Readings(sampler=self._bench.sampler.status()), True)
-        if self._bench.clock.now() - self._diode_seen_s >= LOOK_S:
-            self._judge(Readings(diode=self._bench.diode.status()), True)
+        self._judge(Readings(sampler=self._bench.sampler.status()), emitting=True)
+        if self._bench.clock.now() - self._diode_seen_s >= DIODE_POLL_S:
+            self._judge(Readings(diode=self._bench.diode.status()), emitting=True)
             self._diode_seen_s = self._bench.clock.now()
 
     def judge_line(self, reference_mv: float, reference_ps: float | None) -> None:
@@ -127,12 +127,12 @@ class Supervisor:
         """
         sampler = self._bench.sampler.status()
         share = reference_mv / self._first_reference_mv if self._first_reference_mv else None
-        self._judge(Readings(None, None, sampler, None, reference_mv, share, reference_ps), True)
+        self._judge(Readings(None, None, sampler, None, reference_mv, share, reference_ps), emitting=True)
         self._first_reference_mv = self._first_reference_mv or reference_mv
 
-    def _judge(self, readings: Readings, emitting: bool) -> None:
+    def _judge(self, readings: Readings, *, emitting: bool) -> None:
         self._raise_failure()
-        self.panel.judge(readings, emitting=emitting)
+        self.monitor.judge(readings, emitting=emitting)
 
     def _rearm(self) -> None:
         """Beat now, and count the quarters of the watchdog's time from here."""
@@ -144,7 +144,7 @@ class Supervisor:
     def _beat(self) -> None:
         """Beat; when the bridge does not take it, end the light by the other barrier at once.
 
-        The run itself learns of it at its next look, perhaps a record later. The triggers are stopped from here only
+        The run itself learns of it at its next poll, perhaps a record later. The triggers are stopped from here only
         while nobody else is in the middle of a question to the pulser.
         """
         try:
@@ -159,7 +159,7 @@ class Supervisor:
     def _stop_triggers(self, because: DeviceError) -> None:
         try:
             self._bench.pulser.off()
-        except DeviceError as error:  # the way out tries it again, and writes down what came of it
+        except DeviceError as error:  # the safe shutdown tries it again, and writes down what came of it
             because.add_note(f"and the pulser could not be switched off: {error}")
 
     def _raise_failure(self) -> None:

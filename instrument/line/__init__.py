@@ -1,13 +1,15 @@
 """One line of a scan: what crosses from the acquisition to its sinks."""
 
-from picoradar.instrument.line.scan_line import NO_RANGE, SUSPECT, Flag, ScanLine
+from picoradar.instrument.line.scan_line import NO_RANGE, ORIGIN_MM, SUSPECT, Flag, ScanLine, beams_to
 from picoradar.instrument.line.windows import PULSES, LineWindows
 
 __all__ = [
     "NO_RANGE",
+    "ORIGIN_MM",
     "PULSES",
     "SUSPECT",
     "Flag",
     "LineWindows",
     "ScanLine",
+    "beams_to",
 ]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from picoradar.drivers.traces import Trace
 from picoradar.instrument.line.windows import LineWindows
 
 
@@ -55,10 +57,10 @@ class ScanLine:
         Range along the beam (walk corrected), its variance, and amplitude of the echo; NaN where there is none.
     flags : (N,) uint16 array
         Sums of `Flag`.
-    sums : (N, S) uint16 or uint32 array or None
-        Raw traces: sums of the A/D codes over `sweeps`, if they are kept.
+    traces : Trace or None
+        Raw traces (N, S), if they are kept.
     sweeps : int
-        Sweeps in each sum.
+        Sweeps in each record; the most of any, where they differ.
     device_time_s : float
         Device time (s on the bench's clock) at which the line was begun.
     windows : LineWindows or None
@@ -74,7 +76,7 @@ class ScanLine:
     range_variance_mm2: NDArray[np.float64]
     response_mv: NDArray[np.float64]
     flags: NDArray[np.uint16]
-    sums: NDArray[np.unsignedinteger] | None
+    traces: Trace | None
     sweeps: int
     device_time_s: float
     windows: LineWindows | None = None
@@ -84,3 +86,27 @@ class ScanLine:
         """Get the (N,) mask of entries that carry a point."""
         mask: NDArray[np.bool_] = (self.flags & np.uint16(NO_RANGE)) == 0
         return mask
+
+    @property
+    def sums(self) -> NDArray[np.unsignedinteger] | None:
+        """Get the (N, S) sums of the raw traces, if they are kept."""
+        return None if self.traces is None else self.traces.sums
+
+    @cached_property
+    def beams(self) -> NDArray[np.float64]:
+        """Get the (N, 3) unit vectors from `ORIGIN_MM` to the points; NaN where there is no range."""
+        return beams_to(self.points_mm)
+
+    def without_raw_samples(self) -> ScanLine:
+        """Return the line without traces and windows, which are nearly all of its memory."""
+        return replace(self, traces=None, windows=None)
+
+
+ORIGIN_MM = (0.0, 0.0, 0.0)
+"""Where the beams come from, in the scanner frame: the axis of the second mirror, which none misses by 3 mm."""
+
+
+def beams_to(points_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the unit vectors (N, 3) from `ORIGIN_MM` to points (N, 3) mm; NaN stays NaN."""
+    offset = points_mm - np.array(ORIGIN_MM)
+    return np.asarray(offset / np.linalg.norm(offset, axis=1)[:, None])

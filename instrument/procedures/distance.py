@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from picoradar.instrument.calibration import Calibration, Method
 from picoradar.instrument.line import Flag
 from picoradar.instrument.procedures.station.findings import lost_readings, refused
+from picoradar.instrument.procedures.station.measured import Measured
 from picoradar.instrument.procedures.station.outcome import Outcome, Plot, Readings
-from picoradar.instrument.procedures.station.records import Records, traces_of
 from picoradar.instrument.procedures.station.stage import Placing
 from picoradar.instrument.procedures.station.station import Station
-from picoradar.instrument.ranging import estimate
+from picoradar.instrument.settings import MIN_DISTANCE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,7 +29,7 @@ DISTANCES_MM = (640.0, 690.0, 740.0, 790.0, 840.0, 890.0, 940.0, 1000.0)
 NEAR_MM = tuple(range(560, 661, 10))
 AVERAGES = (1, 2, 4, 8, 16, 32, 64)
 GRAY_AT_1_M = 0.7  # reflectance that gives about 50 mV at 1 m
-LARGEST_MM = 1.0  # of a single reading at 1 m with 8 averages (S 2.4, figure 2.13: 0.875)
+LARGEST_MM = 1.0  # of a single reading at 1 m with 8 averages (section 2.4, figure 2.13: 0.875)
 CHANCE = 0.002  # share of readings beyond it that is no defect; one reading always is chance
 FAR_OFF_MM = 10.0  # no range zero is so wrong
 MEAN_MM = 0.3  # of the mean at any distance of the range
@@ -72,12 +72,12 @@ def run(station: Station, *, readings: int = SERIES_READINGS, short: int = 48) -
     taken: dict[Method, list[Series]] = {"half-maximum": [], station.best_method: []}
     for number, (distance_mm, averages, count) in enumerate(asked):
         station.progress(number / len(asked), f"{distance_mm:g} mm, {averages} averages")
-        told_mm = station.stage.place(
+        reported_mm = station.stage.place(
             Placing("plate", distance_mm, gray=round(GRAY_AT_1_M * (distance_mm / 1000) ** 2, 2))
         )
-        records = traces_of(station.stare(f"series-{number + 1:02d}", count, averages=averages))
+        measured = station.dwell(f"series-{number + 1:02d}", count, averages=averages)
         for method, series in taken.items():
-            series.append(_ranged(records, method, station.calibration, told_mm, averages))
+            series.append(_ranged(measured, method, station.calibration, reported_mm, averages))
         if distance_mm >= DISTANCES_MM[0] and (wrong := _wrong(taken["half-maximum"][-1])):
             return refused(NAME, wrong, REMEDY)
     station.progress(1.0, "evaluating")
@@ -85,22 +85,22 @@ def run(station: Station, *, readings: int = SERIES_READINGS, short: int = 48) -
 
 
 def _wrong(series: Series) -> str:
-    """Say why a series cannot be that of a plate where it was told to be; empty when it can."""
+    """Say why a series cannot be that of a plate where it was reported to be; empty when it can."""
     if lost := lost_readings(len(series.good), len(series.error_mm), f"the plate at {series.distance_mm:g} mm"):
         return lost
     off_mm = float(np.median(series.good))
     if abs(off_mm) > FAR_OFF_MM:
         return (
-            f"The plate told to stand at {series.distance_mm:g} mm was found {abs(off_mm):.0f} mm off: another body, "
-            "or it stands elsewhere."
+            f"The plate reported to stand at {series.distance_mm:g} mm was found {abs(off_mm):.0f} mm off: "
+            "another body, or it stands elsewhere."
         )
     return ""
 
 
-def _ranged(records: Records, method: Method, calibration: Calibration, told_mm: float, averages: int) -> Series:
-    found = estimate(records.traces_mv, records.times_ps, method=method, calibration=calibration, sweeps=records.sweeps)
+def _ranged(measured: Measured, method: Method, calibration: Calibration, nominal_mm: float, averages: int) -> Series:
+    found = measured.ranges(method, calibration)
     flagged = (found.flags & np.uint16(BAD_FLAGS)) != 0
-    return Series(told_mm, averages, found.range_mm - told_mm, flagged)
+    return Series(nominal_mm, averages, found.range_mm - nominal_mm, flagged)
 
 
 def _judged(taken: dict[Method, list[Series]]) -> Outcome:
@@ -134,7 +134,7 @@ def _judged(taken: dict[Method, list[Series]]) -> Outcome:
     return Outcome(
         NAME,
         passed,
-        [finding, f"Reference and echo are told apart from {overlap} on (dissertation: 620 mm)."],
+        [finding, f"Reference and echo are told apart from {overlap} on (dissertation: {MIN_DISTANCE.value:g} mm)."],
         "Nothing to do." if passed else REMEDY,
         (f"±{largest_mm:.2f} mm", f"largest of all readings at 1 m, {SERIES_AVERAGES} averages, half maximum"),
         figures,

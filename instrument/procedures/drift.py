@@ -1,4 +1,4 @@
-"""`drift`: range and timing walk over hours, with and without the reference; Allan deviation; warm-up time (S 2.5)."""
+"""`drift`: range and timing walk over hours, with and without the reference; Allan deviation; warm-up time."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from picoradar.instrument.procedures.station.findings import lost_readings, refused
 from picoradar.instrument.procedures.station.outcome import Outcome, Plot, Readings
-from picoradar.instrument.procedures.station.records import traces_of
 from picoradar.instrument.procedures.station.stage import Placing
 from picoradar.instrument.procedures.station.station import Station
-from picoradar.instrument.ranging import RANGE_PER_INTERVAL_MM_PER_PS, estimate
+from picoradar.instrument.ranging import RANGE_PER_INTERVAL_MM_PER_PS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,12 +24,12 @@ BRIGHT, DARK = 0.7, 0.28  # reflectances; their difference shows whether the wal
 LIMIT_MM = 0.1  # of the mean range with the reference, over the whole time
 WARM_SDS = 4.0  # of the wander of a warm radar; more is a warm-up
 FAR_OFF_MM = 10.0  # no range zero is so wrong
-LEAST_DARKER = 1.5  # bright response over dark; 2.5 is asked for
+MIN_DARKER = 1.5  # bright response over dark; 2.5 is asked for
 REMEDY = "Leave the plate where it is for the whole time, keep the room steady, and run this again."
 
 
 def run(station: Station, *, hours: float = 2.0, interval_s: float = 120.0, readings: int = 10) -> Outcome:
-    """Watch a plate for hours, and a darker one at the end.
+    """Monitor a plate for hours, and a darker one at the end.
 
     Parameters
     ----------
@@ -42,31 +41,33 @@ def run(station: Station, *, hours: float = 2.0, interval_s: float = 120.0, read
     readings : int
         Readings in a group.
     """
-    station.progress(0.0, "watching the plate")
-    told_mm = station.stage.place(Placing("plate", 1000.0, gray=BRIGHT))
+    station.progress(0.0, "monitoring the plate")
+    reported_mm = station.stage.place(Placing("plate", 1000.0, gray=BRIGHT))
     groups = max(int(hours * 3600 / interval_s), 10)
-    bright = _watch(station, "bright", groups, readings, interval_s)
+    bright = _monitored(station, "bright", groups, readings, interval_s)
     if lost := lost_readings(int(np.isfinite(bright.range_mm).sum()), bright.range_mm.size, "the plate"):
         return refused(NAME, lost, REMEDY)
-    station.progress(0.8, "watching a darker plate")
+    station.progress(0.8, "monitoring a darker plate")
     station.stage.place(Placing("plate", 1000.0, gray=DARK))
-    dark = _watch(station, "dark", max(groups // 4, 5), readings, interval_s)
+    dark = _monitored(station, "dark", max(groups // 4, 5), readings, interval_s)
     if lost := lost_readings(int(np.isfinite(dark.range_mm).sum()), dark.range_mm.size, "the darker plate"):
         return refused(NAME, lost, REMEDY)
-    off_mm = float(np.nanmedian(bright.range_mm)) - told_mm
+    off_mm = float(np.nanmedian(bright.range_mm)) - reported_mm
     if abs(off_mm) > FAR_OFF_MM:
-        found = f"The plate asked for at {told_mm:g} mm was found {abs(off_mm):.0f} mm off: another body, or elsewhere."
+        found = (
+            f"The plate asked for at {reported_mm:g} mm was found {abs(off_mm):.0f} mm off: another body, or elsewhere."
+        )
         return refused(NAME, found, REMEDY)
     darker = float(np.nanmedian(bright.response_mv) / np.nanmedian(dark.response_mv))
-    if darker < LEAST_DARKER:
+    if darker < MIN_DARKER:
         asked = f"asked was a factor of {BRIGHT / DARK:.1f}"
         found = f"The second plate is not darker: its echo is weaker by {darker:.2f} times, {asked}."
         return refused(NAME, found, REMEDY)
-    return _judged(bright, dark, told_mm, interval_s)
+    return _judged(bright, dark, reported_mm, interval_s)
 
 
 @dataclass(frozen=True)
-class Watched:
+class Groups:
     """Groups of readings: begin (G,) s; range, time-significant point of the echo, response (G, R) in mm, ps, mV."""
 
     times_s: FloatArray
@@ -86,23 +87,16 @@ class Watched:
         return np.asarray(alone - alone[0])
 
 
-def _watch(station: Station, name: str, groups: int, readings: int, interval_s: float) -> Watched:
-    path = station.watch(name, groups, readings, interval_s)
-    records = traces_of(path)
-    found = estimate(
-        records.traces_mv,
-        records.times_ps,
-        method=station.best_method,
-        calibration=station.calibration,
-        sweeps=records.sweeps,
-    )
+def _monitored(station: Station, name: str, groups: int, readings: int, interval_s: float) -> Groups:
+    measured = station.monitor(name, groups, readings, interval_s)
+    found = measured.ranges(station.best_method, station.calibration)
     shape = (groups, readings)
-    times_s = records.began_s.reshape(shape)[:, 0]
+    times_s = measured.began_s.reshape(shape)[:, 0]
     ranges, echoes, responses = (x.reshape(shape) for x in (found.range_mm, found.echo_ps, found.response_mv))
-    return Watched(times_s - times_s[0], ranges, echoes, responses)
+    return Groups(times_s - times_s[0], ranges, echoes, responses)
 
 
-def _judged(bright: Watched, dark: Watched, told_mm: float, interval_s: float) -> Outcome:
+def _judged(bright: Groups, dark: Groups, reported_mm: float, interval_s: float) -> Outcome:
     error = bright.mean_mm - bright.mean_mm.mean()
     standard = float(np.nanmedian(np.nanstd(bright.range_mm, axis=1, ddof=1)) / bright.range_mm.shape[1] ** 0.5)
     spans, with_reference = allan_deviation(bright.mean_mm, interval_s)
@@ -116,7 +110,7 @@ def _judged(bright: Watched, dark: Watched, told_mm: float, interval_s: float) -
         "largest_with_reference_mm": largest,
         "largest_without_reference_mm": alone,
         "standard_error_of_a_group_mm": standard,
-        "mean_error_mm": float(bright.mean_mm.mean() - told_mm),
+        "mean_error_mm": float(bright.mean_mm.mean() - reported_mm),
         "walk_between_bright_and_dark_mm": float(dark.mean_mm.mean() - bright.mean_mm.mean()),
         "walk_drift_mm": float(np.abs(dark.mean_mm - dark.mean_mm.mean()).max()),
         "least_allan_deviation_mm": float(with_reference.min()),
@@ -125,7 +119,7 @@ def _judged(bright: Watched, dark: Watched, told_mm: float, interval_s: float) -
         "wander_without_reference_mm": wander,
     }
     if warm_s is None:
-        warm = "The timing without reference still goes one way at the end: watch longer for the end of the warm-up."
+        warm = "The timing without reference still goes one way at the end: run it longer for the end of the warm-up."
     elif warm_s == 0.0:
         warm = (
             f"No warm-up is left once the diode is stable: from the first minute the timing wanders by {wander:.1f} mm."
@@ -137,7 +131,8 @@ def _judged(bright: Watched, dark: Watched, told_mm: float, interval_s: float) -
         passed,
         [
             f"In {figures['hours']:.1f} h the range moved by at most {largest:.3f} mm with the reference in every "
-            f"record, and by {alone:.2f} mm with the echo alone: that is why an attempt without it fails (S 2.5).",
+            f"record, and by {alone:.2f} mm with the echo alone: that is why an attempt without it fails "
+            "(section 2.5).",
             f"{warm} The reference in every record takes it out.",
         ],
         "Nothing to do." if passed else REMEDY,
@@ -186,15 +181,15 @@ def warm_after(times_s: FloatArray, values: FloatArray) -> float | None:
     return float(times_s[cold[-1] + 1] if cold.size else times_s[0])
 
 
-def _readings(watched: Watched) -> Readings:
-    columns = ("time_s", "without_reference_mm", *(f"range_{n + 1}_mm" for n in range(watched.range_mm.shape[1])))
-    return Readings(columns, np.column_stack([watched.times_s, watched.alone_mm, watched.range_mm]))
+def _readings(monitored: Groups) -> Readings:
+    columns = ("time_s", "without_reference_mm", *(f"range_{n + 1}_mm" for n in range(monitored.range_mm.shape[1])))
+    return Readings(columns, np.column_stack([monitored.times_s, monitored.alone_mm, monitored.range_mm]))
 
 
-def _draw_time(figure: Figure, watched: Watched, error: FloatArray) -> None:
+def _draw_time(figure: Figure, monitored: Groups, error: FloatArray) -> None:
     axes = figure.subplots()
-    minutes = watched.times_s / 60
-    axes.plot(minutes, watched.alone_mm, "o-", ms=3, lw=0.8, color="tab:orange", label="without reference")
+    minutes = monitored.times_s / 60
+    axes.plot(minutes, monitored.alone_mm, "o-", ms=3, lw=0.8, color="tab:orange", label="without reference")
     axes.plot(minutes, error, "o-", ms=3, lw=0.8, color="tab:blue", label="with reference")
     axes.set(xlabel="time, min", ylabel="change of the range, mm")
     axes.grid(alpha=0.3)

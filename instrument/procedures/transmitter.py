@@ -16,7 +16,7 @@ from picoradar.instrument.procedures.station.findings import refused
 from picoradar.instrument.procedures.station.light import SWEEP, Light, LightJob, NoStore
 from picoradar.instrument.procedures.station.outcome import Outcome, Plot, Readings
 from picoradar.instrument.procedures.station.station import Station
-from picoradar.instrument.settings import override
+from picoradar.instrument.settings import TRANSMITTER_HEAT, max_drive_v, override
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,15 +26,14 @@ FloatArray = NDArray[np.float64]
 NAME = "transmitter"
 VOLTS = tuple(float(v) for v in range(240, 331, 10))
 DEGC = tuple(float(t) for t in range(25, 16, -1))  # down to where a Peltier element may give up
-LEAST_DEGC = min(DEGC)
+MIN_DEGC = min(DEGC)
 REACH_LIMIT_S = 600.0  # for one temperature
 COOL_HZ = 20_000.0  # of the sweep of the voltage: there the transmitter never overheats
 METER_SHARE = 0.02  # uncertainty of the power meter from reading to reading
 WORK_HZ = 80_000.0
 WORK_V, WORK_DEGC = 290.0, 23.0  # where the other quantity stands while one is swept
-HEAT_LIMIT_V2HZ = 300.0**2 * 80_000.0  # S 2.6.1: above, the transmitter overheats
 HEAT_RESERVE = 0.95
-LEAST_PEAK_W, LARGEST_FWHM_PS = 100.0, 60.0
+MIN_PEAK_W, LARGEST_FWHM_PS = 100.0, 60.0
 EXIT_TRANSMISSION = 0.62  # from the diode to the power meter
 NO_LIGHT_MV = 2.0  # of the detector
 REMEDY = "Open the lid, put detector and power meter at the exit, see to the trigger cable, and run this again."
@@ -136,11 +135,11 @@ def measured(light: Light, drive_v: float, degc: float, prf_hz: float) -> Pulse:
 
 
 def _judged(station: Station, by_volts: list[Pulse], by_degc: list[Pulse]) -> Outcome:
-    cool = [p for p in by_volts if p.drive_v**2 * WORK_HZ <= HEAT_RESERVE * HEAT_LIMIT_V2HZ]
+    cool = [p for p in by_volts if p.drive_v**2 * WORK_HZ <= HEAT_RESERVE * TRANSMITTER_HEAT.value]
     best = max(cool, key=lambda p: p.peak_w)
     highest_w = max(p.peak_w for p in by_degc)
     best_degc = min(p.degc for p in by_degc if p.peak_w >= (1 - METER_SHARE) * highest_w)  # a cooler diode lasts longer
-    passed = best.peak_w >= LEAST_PEAK_W and best.fwhm_ps <= LARGEST_FWHM_PS
+    passed = best.peak_w >= MIN_PEAK_W and best.fwhm_ps <= LARGEST_FWHM_PS
     in_force = station.settings.pulser.drive_v, station.settings.diode.target_degc
     figures: dict[str, float | int | str | bool | None] = {
         "working_drive_v": best.drive_v,
@@ -167,12 +166,12 @@ def _judged(station: Station, by_volts: list[Pulse], by_degc: list[Pulse]) -> Ou
             "(dissertation: 290 V, 23 degC, 128.2 W, 44 ps, 32 ps).",
             f"At {WORK_HZ / 1e3:g} kHz the mean power at the exit is {best.energy_nj * WORK_HZ * 1e-6:.2f} mW.",
             f"The diode was taken from {max(p.degc for p in by_degc):g} down to {coldest:g} degC"
-            + ("." if coldest <= LEAST_DEGC else f"; here it cannot be cooled to {LEAST_DEGC:g} degC."),
+            + ("." if coldest <= MIN_DEGC else f"; here it cannot be cooled to {MIN_DEGC:g} degC."),
         ],
         ("Nothing to do." if same else change) if passed else advice,
         (
             f"{best.peak_w:.0f} W",
-            f"peak power at {best.drive_v:g} V and {best_degc:g} degC (at least {LEAST_PEAK_W:g} W)",
+            f"peak power at {best.drive_v:g} V and {best_degc:g} degC (at least {MIN_PEAK_W:g} W)",
         ),
         figures,
         [
@@ -195,13 +194,13 @@ def _readings(pulses: list[Pulse]) -> Readings:
 
 
 def _draw_volts(figure: Figure, pulses: list[Pulse], found_v: float) -> None:
-    panels = figure.subplots(1, 3)
+    axes_of = figure.subplots(1, 3)
     volts = [p.drive_v for p in pulses]
-    limit_v = (HEAT_LIMIT_V2HZ / WORK_HZ) ** 0.5
+    limit_v = max_drive_v(WORK_HZ)
     for axes, label, values in (
-        (panels[0], "peak power, W", [p.peak_w for p in pulses]),
-        (panels[1], "FWHM, ps", [p.fwhm_ps for p in pulses]),
-        (panels[2], "rise time, ps", [p.rise_ps for p in pulses]),
+        (axes_of[0], "peak power, W", [p.peak_w for p in pulses]),
+        (axes_of[1], "FWHM, ps", [p.fwhm_ps for p in pulses]),
+        (axes_of[2], "rise time, ps", [p.rise_ps for p in pulses]),
     ):
         axes.plot(volts, values, "o-", ms=4)
         axes.axvspan(limit_v, max(volts), color="0.9")

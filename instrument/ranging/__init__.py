@@ -4,17 +4,18 @@
 planned. `learn` and `fit_walk` make the calibration that they need, `range_bound_mm2` tells how good they can be.
 """
 
+from picoradar.drivers.traces import Window
 from picoradar.instrument.ranging.average import average_ranges, average_sweeps
 from picoradar.instrument.ranging.bound import Pulse, range_bound_mm2
 from picoradar.instrument.ranging.estimate import estimate
-from picoradar.instrument.ranging.footprint import mark_footprint
+from picoradar.instrument.ranging.footprint import LineBefore, mark_footprint
 from picoradar.instrument.ranging.learning import learn
 from picoradar.instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, SPEED_OF_LIGHT_MM_PER_PS, Ranges
 from picoradar.instrument.ranging.settings import AveragingSettings, LearningSettings, RangingSettings, WalkSettings
 from picoradar.instrument.ranging.walk import fit_walk
 from picoradar.instrument.ranging.windows.choice import PlanSettings
 from picoradar.instrument.ranging.windows.estimate import estimate_places, estimate_windows, with_retaken
-from picoradar.instrument.ranging.windows.fit import Place, Window
+from picoradar.instrument.ranging.windows.fit import Place
 from picoradar.instrument.ranging.windows.plan import WindowPlanner
 from picoradar.instrument.ranging.windows.traces import WindowTraces
 
@@ -23,6 +24,7 @@ __all__ = [
     "SPEED_OF_LIGHT_MM_PER_PS",
     "AveragingSettings",
     "LearningSettings",
+    "LineBefore",
     "Place",
     "PlanSettings",
     "Pulse",

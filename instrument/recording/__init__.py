@@ -1,10 +1,11 @@
 """Recordings: one SQLite file a scan, durable line by line (layout in docs/recording.md)."""
 
-from picoradar.instrument.recording.cloud import Cloud
+from picoradar.instrument.recording.cloud import Cloud, cloud_of
 from picoradar.instrument.recording.errors import RecordingError, from_sqlite
 from picoradar.instrument.recording.findings import Event, LineCheck
 from picoradar.instrument.recording.header import digest, plain, versions
 from picoradar.instrument.recording.recording import Recording, open_recording
+from picoradar.instrument.recording.window_layout import in_fs
 
 __all__ = [
     "Cloud",
@@ -12,8 +13,10 @@ __all__ = [
     "LineCheck",
     "Recording",
     "RecordingError",
+    "cloud_of",
     "digest",
     "from_sqlite",
+    "in_fs",
     "open_recording",
     "plain",
     "versions",

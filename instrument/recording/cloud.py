@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.line import NO_RANGE, ScanLine
+from picoradar.instrument.line import NO_RANGE, ScanLine, beams_to
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,11 @@ class Cloud:
         """Get the (N, 2) raster rows and columns."""
         return np.column_stack([self.rows, self.columns])
 
+    @cached_property
+    def beams(self) -> NDArray[np.float64]:
+        """Get the (N, 3) unit vectors from the scanner's origin to the points; NaN where there is no range."""
+        return beams_to(self.points_mm)
+
     def with_range(self) -> Self:
         """Return the places that carry a point."""
         return self.where(self.has_range)
@@ -63,8 +69,8 @@ class Cloud:
 
 
 def cloud_of(lines: Iterable[ScanLine]) -> Cloud:
-    """Join lines to a cloud."""
-    found = list(lines)
+    """Join lines to a cloud, in the order of their rows."""
+    found = sorted(lines, key=lambda line: line.index)
 
     def joined(name: str, shape: tuple[int, ...], kind: type) -> NDArray[np.float64]:
         return np.concatenate([np.empty((0, *shape), dtype=kind), *(getattr(line, name) for line in found)], dtype=kind)

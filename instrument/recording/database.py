@@ -192,7 +192,7 @@ def make_durable(connection: sqlite3.Connection) -> None:
         raise sqlite3.OperationalError(f"journal_mode is {mode}, not wal: use a folder on a local disk")
     connection.execute("PRAGMA synchronous=FULL")
     connection.execute("PRAGMA foreign_keys=ON")
-    # SQLite's own automatic checkpoint hides its errors; `Recording` checkpoints by itself and looks at them.
+    # SQLite's own automatic checkpoint hides its errors; `Recording` checkpoints by itself and checks them.
     connection.execute("PRAGMA wal_autocheckpoint=0")
     if sys.platform == "darwin":  # plain fsync does not reach the platter there
         connection.execute("PRAGMA fullfsync=1")

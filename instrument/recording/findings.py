@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+
+from picoradar.instrument.events import JsonObject
 
 
 @dataclass(frozen=True)
@@ -13,7 +14,7 @@ class Event:
     time_s: float
     kind: str
     state: str | None
-    fields: dict[str, Any]
+    fields: JsonObject
 
 
 @dataclass(frozen=True)

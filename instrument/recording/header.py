@@ -8,13 +8,48 @@ import json
 import math
 import platform
 from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from importlib import metadata
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
+from picoradar.drivers.traces import CodeScale
+from picoradar.instrument.events import JsonObject
 
 _TRACE = ("start_ps", "step_ps", "samples", "zero_code", "mv_per_code")
+
+
+@dataclass(frozen=True)
+class TraceForm:
+    """Instants and scale of the traces of a recording, by its header.
+
+    Attributes
+    ----------
+    start_ps, step_ps : float
+        First sampling instant after the trigger, and step.
+    samples : int
+    scale : CodeScale
+    """
+
+    start_ps: float
+    step_ps: float
+    samples: int
+    scale: CodeScale
+
+    @cached_property
+    def times_ps(self) -> NDArray[np.float64]:
+        """Get the (S,) sampling instants."""
+        return np.asarray(self.start_ps + self.step_ps * np.arange(self.samples), dtype=np.float64)
+
+    @classmethod
+    def of(cls, trace: JsonObject) -> TraceForm:
+        """Take it from the header's ``trace``."""
+        scale = CodeScale(trace["zero_code"], trace["mv_per_code"])
+        return cls(trace["start_ps"], trace["step_ps"], trace["samples"], scale)
 
 
 def versions() -> dict[str, str]:
@@ -71,7 +106,7 @@ def plain(content: object) -> Any:
     raise ValueError(f"a {type(content).__name__} has no JSON form")
 
 
-def complete_header(header: Mapping[str, Any]) -> dict[str, Any]:
+def complete_header(header: JsonObject) -> JsonObject:
     """Check a header and add what the recording knows by itself (versions, digest of the calibration).
 
     Raises
@@ -89,6 +124,6 @@ def complete_header(header: Mapping[str, Any]) -> dict[str, Any]:
     trace = header.get("trace")
     if trace is not None and not (isinstance(trace, Mapping) and set(_TRACE) <= set(trace)):
         raise ValueError(f"the header's `trace` needs {', '.join(_TRACE)}")
-    full: dict[str, Any] = plain({"versions": versions(), "calibration": None, **header})
+    full: JsonObject = plain({"versions": versions(), "calibration": None, **header})
     full.setdefault("calibration_digest", digest(full["calibration"]))
     return full

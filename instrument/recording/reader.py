@@ -14,11 +14,13 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import ScanLine
 from picoradar.instrument.recording import rows
 from picoradar.instrument.recording.cloud import Cloud, cloud_of
 from picoradar.instrument.recording.errors import RecordingError, from_sqlite
 from picoradar.instrument.recording.findings import Event, LineCheck
+from picoradar.instrument.recording.header import TraceForm
 
 
 class Reader:
@@ -39,6 +41,8 @@ class Reader:
         try:
             self.header = self._read_header()
             self._raw = rows.SELECT_RAW[self._value("PRAGMA user_version")]
+            trace = self.header.get("trace")
+            self._form = TraceForm.of(trace) if isinstance(trace, dict) else None
         except RecordingError:
             connection.close()
             raise
@@ -57,13 +61,13 @@ class Reader:
         self.close()
 
     @property
-    def raster(self) -> dict[str, Any]:
+    def raster(self) -> JsonObject:
         """Get rows, columns, step_mm, mode, averages."""
-        raster: dict[str, Any] = self.header["raster"]
+        raster: JsonObject = self.header["raster"]
         return raster
 
     @property
-    def trace(self) -> dict[str, Any]:
+    def trace(self) -> JsonObject:
         """Get start_ps, step_ps, samples, zero_code, mv_per_code of the traces.
 
         Raises
@@ -79,8 +83,7 @@ class Reader:
     @property
     def times_ps(self) -> NDArray[np.float64]:
         """Get the (S,) times of the samples of a trace, ps after the trigger."""
-        trace = self.trace
-        return np.asarray(trace["start_ps"] + trace["step_ps"] * np.arange(trace["samples"]), dtype=np.float64)
+        return TraceForm.of(self.trace).times_ps
 
     def traces_mv(self, line: ScanLine) -> NDArray[np.float64]:
         """Return the (N, S) averaged traces of a line in mV at the photodiode.
@@ -90,11 +93,9 @@ class Reader:
         RecordingError
             If the line was recorded without traces.
         """
-        if line.sums is None:
+        if line.traces is None:
             raise RecordingError(self.path, "was recorded without its traces", line=line.index)
-        trace = self.trace
-        codes = line.sums.astype(np.float64) / line.sweeps
-        return np.asarray((codes - trace["zero_code"]) * trace["mv_per_code"], dtype=np.float64)
+        return line.traces.mv
 
     @property
     def done(self) -> list[int]:
@@ -119,7 +120,7 @@ class Reader:
         return None if verified is None else bool(verified)
 
     @property
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> JsonObject:
         """Get the figures given to `finish`."""
         text = self._value("SELECT summary FROM scan")
         return {} if text is None else self._json(text, "the summary")
@@ -143,7 +144,7 @@ class Reader:
                 raw = [self._connection.execute(query, (index,)).fetchone() if traces else None for query in self._raw]
             if found is None:
                 raise RecordingError(self.path, "the line is not in the recording", line=index)
-            return rows.unpack(rows.Rows(found, *raw))
+            return rows.unpack(rows.Rows(found, *raw), self._form)
         except sqlite3.Error as error:
             raise from_sqlite(self.path, error, line=index) from error
         except ValueError as error:
@@ -200,7 +201,7 @@ class Reader:
         found = self._rows("SELECT t, kind, state, data FROM event ORDER BY id")
         return [Event(t, kind, state, self._json(data, "an event")) for t, kind, state, data in found]
 
-    def _read_header(self) -> dict[str, Any]:
+    def _read_header(self) -> JsonObject:
         found = self._rows("SELECT header, header_crc32 FROM scan")
         if not found:
             raise RecordingError(self.path, "has no header", "it was broken off at its very beginning; scan again")
@@ -209,7 +210,7 @@ class Reader:
             raise RecordingError(self.path, "the check sum of the header does not fit", "restore it from a copy")
         return self._json(text, "the header")
 
-    def _json(self, text: str, what: str) -> dict[str, Any]:
+    def _json(self, text: str, what: str) -> JsonObject:
         try:
             content = json.loads(text)
         except ValueError as error:

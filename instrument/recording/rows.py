@@ -7,7 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from picoradar.drivers.traces import Trace
 from picoradar.instrument.line import ScanLine
+from picoradar.instrument.recording.header import TraceForm
 from picoradar.instrument.recording.layout import (
     POINT,
     Wave,
@@ -61,13 +63,19 @@ def pack(line: ScanLine, acknowledged_at_s: float) -> Rows:
     return Rows(row, wave_row, window_row)
 
 
-def unpack(rows: Rows) -> ScanLine:
+def unpack(rows: Rows, form: TraceForm | None) -> ScanLine:
     """Return the line of its rows, as the queries here give them.
+
+    Parameters
+    ----------
+    rows : Rows
+    form : TraceForm or None
+        Instants and scale of raw samples, by the header.
 
     Raises
     ------
     ValueError
-        If a check sum or a length does not fit.
+        If a check sum or a length does not fit, or there are raw samples without a form.
     """
     index, begun, count, sweeps, crc, blob = rows.line
     if line_crc32(index, count, sweeps, begun, blob) != crc:
@@ -75,8 +83,12 @@ def unpack(rows: Rows) -> ScanLine:
     if len(blob) != count * POINT.itemsize:
         raise ValueError(f"{len(blob)} bytes for {count} points of {POINT.itemsize} bytes")
     table = points_table(blob)
-    sums = None if rows.wave is None else decode_wave(index, Wave(*rows.wave))
-    windows = None if rows.window is None else decode_windows(index, WindowRow(*rows.window))
+    traces = windows = None
+    if rows.wave is not None:
+        sums, known = decode_wave(index, Wave(*rows.wave)), _known(form)
+        traces = Trace(sums, sweeps, known.times_ps, known.scale)
+    if rows.window is not None:
+        windows = decode_windows(index, WindowRow(*rows.window), _known(form).scale)
 
     def column(name: str) -> Any:
         return np.ascontiguousarray(table[name].astype(table[name].dtype.newbyteorder("=")))
@@ -91,8 +103,14 @@ def unpack(rows: Rows) -> ScanLine:
         range_variance_mm2=column("range_variance_mm2"),
         response_mv=column("response_mv"),
         flags=column("flags"),
-        sums=sums,
+        traces=traces,
         sweeps=sweeps,
         device_time_s=begun,
         windows=windows,
     )
+
+
+def _known(form: TraceForm | None) -> TraceForm:
+    if form is None:
+        raise ValueError("it has raw samples, but the header says nothing about traces")
+    return form

@@ -10,7 +10,9 @@ import zlib
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from picoradar.drivers.traces import CodeScale
 from picoradar.instrument.line import PULSES, LineWindows
 from picoradar.instrument.recording.layout import compressed, decompressed, packed_sums, unpacked_sums
 
@@ -58,8 +60,8 @@ def encode_windows(index: int, windows: LineWindows) -> WindowRow:
     flags = RETAKEN * windows.retaken + CLIPPED * windows.clipped
     for field, values in (
         ("column", np.repeat(windows.columns, PULSES)),
-        ("start_fs", windows.start_fs.ravel()),
-        ("step_fs", windows.step_fs.ravel()),
+        ("start_fs", in_fs(windows.start_ps).ravel()),
+        ("step_fs", in_fs(windows.step_ps).ravel()),
         ("samples", windows.samples.ravel()),
         ("sweeps", windows.sweeps.ravel()),
         ("flags", np.repeat(flags, PULSES) + ECHO * (np.arange(count) % PULSES)),
@@ -72,8 +74,8 @@ def encode_windows(index: int, windows: LineWindows) -> WindowRow:
     return WindowRow(*head, _crc32(index, *head, pieces, data), pieces, data)
 
 
-def decode_windows(index: int, row: WindowRow) -> LineWindows:
-    """Return the raw windows of a line.
+def decode_windows(index: int, row: WindowRow, scale: CodeScale) -> LineWindows:
+    """Return the raw windows of a line, whose codes have this scale.
 
     Raises
     ------
@@ -90,12 +92,18 @@ def decode_windows(index: int, row: WindowRow) -> LineWindows:
         columns=table["column"][:, 0].astype(np.int32),
         retaken=(flags & RETAKEN) != 0,
         clipped=(flags & CLIPPED) != 0,
-        start_fs=table["start_fs"].astype(np.int64),
-        step_fs=table["step_fs"].astype(np.int64),
+        start_ps=table["start_fs"] / 1000,
+        step_ps=table["step_fs"] / 1000,
         samples=table["samples"].astype(np.int32),
         sweeps=table["sweeps"].astype(np.int32),
         sums=unpacked_sums(row.data, 1, row.samples, row.bytes_per_sum)[0],
+        scale=scale,
     )
+
+
+def in_fs(times_ps: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return times in whole femtoseconds, the unit of the file (and of the device)."""
+    return np.rint(times_ps * 1000).astype(np.int64)
 
 
 def _crc32(index: int, n: int, samples: int, width: int, pieces: bytes, data: bytes) -> int:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import Flag
 from picoradar.instrument.recording import Cloud, Recording
 from picoradar.instrument.report.page import Banner
+from picoradar.instrument.report.registered import RegisteredScan
 from picoradar.instrument.report.style import LIMITS_MM
 
 if TYPE_CHECKING:
@@ -22,12 +24,9 @@ _VERDICTS = {
     "caution": ("▲", "CAUTION", "A pose is found, but it must not be used without a second look."),
     "fail": ("✖", "FAILED", "The pose must not be used."),
 }
-_CLINIC = {"rotation_deg": 1.0, "translation_mm": 1.0}  # what the clinic asks for (dissertation, chapter 1)
 
 
-def banners(
-    recording: Recording, registration: Registration | None, truth_error: Mapping[str, float] | None
-) -> list[Banner]:
+def banners(recording: Recording, registered: RegisteredScan | None) -> list[Banner]:
     """Return what one sees first: the verdict, and a warning if the laser was not verified off or the pose is wrong."""
     found = []
     if recording.laser_off_verified is False:
@@ -38,32 +37,34 @@ def banners(
         found.append(
             Banner("caution", "▲", "SCAN NOT COMPLETE", [f"{lines} Ended: {recording.stop_reason or 'never closed'}."])
         )
-    if registration is None:
+    if registered is None:
         if recording.complete:
             found.append(Banner("plain", "✔", "SCAN COMPLETE", ["Not registered."]))
         return found
-    if truth_error is not None and not all(truth_error[name] <= limit for name, limit in _CLINIC.items()):
-        what = "The simulated bench knows the true pose: the error is above the clinic's 1 degree or 1 mm."
+    registration = registered.registration
+    if registered.known_wrong:
+        limits = f"{registered.tolerance.rotation_deg:g} degree or {registered.tolerance.target_mm:g} mm"
+        what = f"The simulated bench knows the true pose: the error is above the tolerance of {limits}."
         found.append(Banner("fail", "✖", "WRONG POSE", [what]))
     symbol, word, sentence = _VERDICTS[registration.verdict]
     found.append(Banner(registration.verdict, symbol, word, [sentence, *registration.reasons]))
     return found
 
 
-def figures(
-    cloud: Cloud, registration: Registration | None, truth_error: Mapping[str, float] | None
-) -> list[tuple[str, str]]:
+def figures(cloud: Cloud, registered: RegisteredScan | None) -> list[tuple[str, str]]:
     """Return the few numbers that count, as (value with unit, name)."""
     points = int(cloud.has_range.sum())
     found = []
+    registration = None if registered is None else registered.registration
     if registration is not None:
         worst = worst_target(registration)
         if worst is not None:
             bias = f"; a bias of all ranges may add {number(worst.bias_mm, 'mm')}"
             found.append((number(worst.p95_mm, "mm"), f"predicted error at {worst.name}, not exceeded in 95 %{bias}"))
         found.append((number(registration.predicted_rotation_deg, "°"), "predicted rotation error, root mean square"))
-    if truth_error is not None:
-        found.append((number(truth_error["tre_mm"], "mm"), "true error at the target (simulated bench)"))
+    if registered is not None and registered.truth_error is not None:
+        tre_mm = registered.truth_error["tre_mm"]
+        found.append((number(tre_mm, "mm"), "true error at the target (simulated bench)"))
     if registration is not None:
         near = float(np.mean(np.abs(registration.residuals) <= LIMITS_MM[0]))
         found.append((f"{100 * near:.1f} %", "of the points within 1 mm of the model"))
@@ -74,32 +75,10 @@ def figures(
 
 
 def facts(
-    recording: Recording,
-    cloud: Cloud,
-    registration: Registration | None,
-    truth_error: Mapping[str, float] | None,
-    summary: Mapping[str, Any],
+    recording: Recording, cloud: Cloud, registered: RegisteredScan | None, summary: JsonObject
 ) -> list[tuple[str, str]]:
     """Return the table of key figures, as (name, value)."""
-    found: list[tuple[str, str]] = []
-    if registration is not None:
-        found += [
-            ("residuals: root mean square, mean, largest", _triple(registration)),
-            ("points taken for bone", f"{int(registration.inliers.sum())} of {len(registration.inliers)}"),
-            ("weakest motions", "; ".join(registration.weak_directions) or "none"),
-        ]
-        found += [
-            (
-                f"predicted error at {target.name}",
-                f"{number(target.rms_mm, 'mm')} rms, {number(target.p95_mm, 'mm')} in 95 %, "
-                f"plus a bias of up to {number(target.bias_mm, 'mm')}",
-            )
-            for target in registration.targets
-        ]
-    if truth_error is not None:
-        names = (("rotation_deg", "°"), ("translation_mm", "mm"), ("tre_mm", "mm"))
-        values = (number(truth_error[name], unit) for name, unit in names)
-        found.append(("true error (simulated bench): rotation, translation, at the target", ", ".join(values)))
+    found = [] if registered is None else _facts_of_registration(registered)
     raster = recording.raster
     grid = f"{raster['rows']} x {raster['columns']} places"
     step, averages = raster.get("step_mm"), raster.get("averages")
@@ -111,10 +90,33 @@ def facts(
         shots = scan.get("shot_limited_s")
         limit = f" ({shots:.1f} s of it for the laser's shots)" if shots is not None else ""
         found.append(("time of the scan on the device", f"{scan['device_time_s']:.1f} s{limit}"))
-    found.append(("marks against points", flag_counts(cloud)))
+    found.append(("flagged points", flag_counts(cloud)))
     off = {True: "yes, read back", False: "NO", None: "the scan was never closed"}[recording.laser_off_verified]
     found.append(("laser off at the end", off))
     found.append(("scan ended", recording.stop_reason or "never closed"))
+    return found
+
+
+def _facts_of_registration(registered: RegisteredScan) -> list[tuple[str, str]]:
+    registration, tolerance = registered.registration, registered.tolerance
+    found = [
+        ("residuals: root mean square, mean, largest", _triple(registration)),
+        ("points taken for bone", f"{int(registration.inliers.sum())} of {len(registration.inliers)}"),
+        ("weakest motions", "; ".join(registration.weak_directions) or "none"),
+        ("tolerance of the verdict", f"{tolerance.rotation_deg:g}° and {tolerance.target_mm:g} mm at the targets"),
+    ]
+    found += [
+        (
+            f"predicted error at {target.name}",
+            f"{number(target.rms_mm, 'mm')} rms, {number(target.p95_mm, 'mm')} in 95 %, "
+            f"plus a bias of up to {number(target.bias_mm, 'mm')}",
+        )
+        for target in registration.targets
+    ]
+    if registered.truth_error is not None:
+        names = (("rotation_deg", "°"), ("translation_mm", "mm"), ("tre_mm", "mm"))
+        values = (number(registered.truth_error[name], unit) for name, unit in names)
+        found.append(("true error (simulated bench): rotation, translation, at the target", ", ".join(values)))
     return found
 
 

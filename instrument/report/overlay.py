@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from picoradar.instrument.report.registered import Surface
 from picoradar.instrument.report.style import BONE, CLASSES, INK, ResidualClass, classes_of, new_figure
 
 if TYPE_CHECKING:
@@ -24,16 +25,15 @@ _RESIDUAL_LIFT = 1.5  # and one behind it, where a wrong pose has put it, not hi
 def draw_overlay(
     points_mm: FloatArray,
     residuals_mm: FloatArray,
-    vertices_mm: FloatArray,
-    faces: IntArray,
+    model: Surface,
     model_from_scanner: FloatArray,
 ) -> Figure:
-    """Draw the points (N, 3) of the scanner on the model (V, 3), (F, 3), coloured by their residuals (N,)."""
+    """Draw the points (N, 3) of the scanner on the model, coloured by their residuals (N,)."""
     figure = new_figure(10.0, 5.4)
     every = max(1, -(-len(points_mm) // _MOST_POINTS))
     kinds = classes_of(residuals_mm)
     scanner_from_model = np.linalg.inv(model_from_scanner)
-    corners = vertices_mm @ scanner_from_model[:3, :3].T + scanner_from_model[:3, 3]
+    corners = model.vertices @ scanner_from_model[:3, :3].T + scanner_from_model[:3, 3]
     centre = points_mm.mean(axis=0)
     reach = float(np.percentile(np.linalg.norm(points_mm - centre, axis=1), 99))
     left, right = figure.subplots(1, 2)
@@ -43,16 +43,13 @@ def draw_overlay(
         (right, "from 35 degrees to the side", 35.0, 20.0, 1.9),
     ):
         view = _view(turn_deg, tilt_deg)
-        _paint(
-            axes,
-            (corners - centre) @ view.T,
-            faces,
+        marks = _Marks(
             (points_mm[::every] - centre) @ view.T,
             lift_mm[::every],
             kinds[::every],
-            frame * reach,
             float(np.clip(0.45 * reach / np.sqrt(len(points_mm) / every), 0.006 * reach, 0.03 * reach)),
         )
+        _paint(axes, ((corners - centre) @ view.T)[model.faces], marks, frame * reach)
         axes.set_title(title, color=INK, fontsize=11, loc="left")
     _legend(figure, kinds)
     return figure
@@ -70,32 +67,34 @@ def _view(turn_deg: float, tilt_deg: float) -> FloatArray:
     return np.asarray(upwards @ sideways @ from_scanner)
 
 
-def _paint(
-    axes: Axes,
-    corners: FloatArray,
-    faces: IntArray,
-    points: FloatArray,
-    lifts: FloatArray,
-    kinds: IntArray,
-    frame: float,
-    size: float,
-) -> None:
+class _Marks(NamedTuple):
+    """The measured points as a viewer sees them: positions (N, 3) mm (right, up, away), how far each is lifted towards
+    him (N,) mm, its class of residual (N,), and the size of a mark, mm."""
+
+    points: FloatArray
+    lifts: FloatArray
+    kinds: IntArray
+    size: float
+
+
+def _paint(axes: Axes, triangles: FloatArray, marks: _Marks, frame: float) -> None:
+    """Paint triangles (F, 3, 3) and marks from the farthest to the nearest, within +-``frame`` mm."""
     from matplotlib.collections import PolyCollection
 
-    triangles = corners[faces]
+    points, kinds = marks.points, marks.kinds
     inside = (np.abs(triangles[:, :, :2]).max(axis=2) < 1.3 * frame).any(axis=1)
     triangles = triangles[inside]
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     lengths = np.linalg.norm(normals, axis=1)
     light = np.abs(normals @ [0.25, 0.35, -0.9]) / np.maximum(lengths, 1e-12)
     shades = np.clip(0.45 + 0.58 * light, 0, 1)[:, None] * np.array(BONE)
-    shapes_of = [_corners(entry, size) for entry in CLASSES]
+    shapes_of = [_corners(entry, marks.size) for entry in CLASSES]
     shapes = [
         *triangles[:, :, :2],
         *(point[:2] + shapes_of[kind] for point, kind in zip(points, kinds, strict=True)),
     ]
     colours = np.array([_rgb(entry.colour) for entry in CLASSES])[kinds]
-    depth = np.concatenate([triangles[:, :, 2].mean(axis=1), points[:, 2] - lifts])
+    depth = np.concatenate([triangles[:, :, 2].mean(axis=1), points[:, 2] - marks.lifts])
     order = np.argsort(-depth, kind="stable")
     filled = np.concatenate([shades, colours])[order]
     axes.add_collection(

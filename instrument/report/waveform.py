@@ -45,7 +45,7 @@ def draw_waveform(times_ps: FloatArray, trace_mv: FloatArray, caption: str) -> F
 def time_significant_points(times_ps: FloatArray, trace_mv: FloatArray) -> list[tuple[float, float]]:
     """Return (time in ps, level in mV) of the time-significant points of reference and echo, as far as there are any.
 
-    They come from the ranging itself, by half maximum (S 2.5); without calibration its range is c / 2 x Ti.
+    They come from the ranging itself, by half maximum (section 2.5); without calibration its range is c / 2 x Ti.
     """
     found = estimate(trace_mv[None, :], times_ps, method="half-maximum")
     interval_ps = 2 * found.range_mm[0] / SPEED_OF_LIGHT_MM_PER_PS

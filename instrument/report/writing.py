@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.files.export import export
 from picoradar.instrument.recording import Cloud, Recording, plain
 from picoradar.instrument.report import content
 from picoradar.instrument.report.cloud_view import draw_cloud
 from picoradar.instrument.report.overlay import draw_overlay
 from picoradar.instrument.report.page import Page, Picture
+from picoradar.instrument.report.registered import RegisteredScan, Surface
 from picoradar.instrument.report.residuals import draw_convergence, draw_histogram
 from picoradar.instrument.report.style import save
 from picoradar.instrument.report.waveform import draw_waveform
@@ -24,18 +24,14 @@ from picoradar.instrument.report.waveform import draw_waveform
 if TYPE_CHECKING:
     from picoradar.registration import Registration
 
-FloatArray = NDArray[np.float64]
-
 
 def write_report(
     folder: str | os.PathLike[str],
     *,
     recording: Recording,
-    registration: Registration | None = None,
-    model_vertices: FloatArray | None = None,
-    model_faces: NDArray[np.int64] | None = None,
-    truth_error: Mapping[str, float] | None = None,
-    summary: Mapping[str, Any],
+    cloud: Cloud | None = None,
+    registered: RegisteredScan | None = None,
+    summary: JsonObject,
 ) -> Path:
     """Write ``report.html`` (self-contained), its pictures, ``cloud.ply`` and ``result.json`` into a folder.
 
@@ -44,12 +40,9 @@ def write_report(
     folder : path
         Made if it is not there; older files of a report in it are replaced.
     recording : Recording
-    registration : Registration, optional
-        Of exactly the points with a range, in the order of the recording.
-    model_vertices, model_faces : (V, 3) float array in mm, (F, 3) int array, optional
-        The model; without it there is no overlay.
-    truth_error : mapping, optional
-        ``rotation_deg``, ``translation_mm``, ``tre_mm``: on a simulated bench.
+    cloud : Cloud, optional
+        Its points, where they are in memory; read from the recording otherwise.
+    registered : RegisteredScan, optional
     summary : mapping
         The whole result, as the command prints it with ``--json``.
 
@@ -69,29 +62,19 @@ def write_report(
     """
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
-    cloud = recording.cloud()
-    points = cloud.with_range()
-    if registration is not None and len(registration.residuals) != len(points):
-        raise ValueError(f"the registration has {len(registration.residuals)} points, the recording {len(points)}")
+    cloud = recording.cloud() if cloud is None else cloud
+    points = int(cloud.has_range.sum())
+    if registered is not None and (count := len(registered.registration.residuals)) != points:
+        raise ValueError(f"the registration has {count} points, the recording {points}")
     export(recording, target / "cloud.ply")
     result = json.dumps(plain(summary), indent=2, sort_keys=True, allow_nan=False, ensure_ascii=False)
     (target / "result.json").write_text(result + "\n", encoding="utf-8")
-    pictures = []
-    if registration is not None and len(points):
-        if model_vertices is not None and model_faces is not None:
-            pictures.append(_overlay(target, points, registration, model_vertices, model_faces))
-        pictures.append(_histogram(target, registration))
-    if len(points):
-        pictures.append(_cloud(target, cloud))
-        pictures += _waveform(target, recording, cloud)
-    if registration is not None and registration.history:
-        pictures.append(_convergence(target, registration))
     page = Page(
         title=f"picoradar: report on {recording.path.name}",
-        banners=content.banners(recording, registration, truth_error),
-        figures=content.figures(cloud, registration, truth_error),
-        pictures=pictures,
-        facts=content.facts(recording, cloud, registration, truth_error, summary),
+        banners=content.banners(recording, registered),
+        figures=content.figures(cloud, registered),
+        pictures=_pictures(target, recording, cloud, registered),
+        facts=content.facts(recording, cloud, registered, summary),
         details=[
             ("Result (as in result.json)", result),
             ("Settings, calibration and versions", json.dumps(recording.header, indent=2, sort_keys=True)),
@@ -103,10 +86,23 @@ def write_report(
     return file
 
 
-def _overlay(
-    target: Path, points: Cloud, registration: Registration, vertices: FloatArray, faces: NDArray[np.int64]
-) -> Picture:
-    figure = draw_overlay(points.points_mm, registration.residuals, vertices, faces, registration.model_from_scanner)
+def _pictures(target: Path, recording: Recording, cloud: Cloud, registered: RegisteredScan | None) -> list[Picture]:
+    points = cloud.with_range()
+    pictures = []
+    if registered is not None and len(points):
+        if registered.model is not None:
+            pictures.append(_overlay(target, points, registered.registration, registered.model))
+        pictures.append(_histogram(target, registered.registration))
+    if len(points):
+        pictures.append(_cloud(target, cloud))
+        pictures += _waveform(target, recording, cloud)
+    if registered is not None and registered.registration.history:
+        pictures.append(_convergence(target, registered.registration))
+    return pictures
+
+
+def _overlay(target: Path, points: Cloud, registration: Registration, model: Surface) -> Picture:
+    figure = draw_overlay(points.points_mm, registration.residuals, model, registration.model_from_scanner)
     caption = (
         "Each measured point on the model of the bone, coloured and shaped by its distance from the surface: "
         "blue squares under 1 mm, green pentagons 1 to 3 mm, red triangles over 3 mm. "
@@ -142,14 +138,14 @@ def _waveform(target: Path, recording: Recording, cloud: Cloud) -> list[Picture]
     distance = np.where(cloud.has_range, np.abs(cloud.grid - middle).sum(axis=1), np.inf)
     row, column = map(int, cloud.grid[int(np.argmin(distance))])
     line = recording.line(row)
-    if line.sums is None:
+    if line.traces is None:
         return []
-    trace = recording.traces_mv(line)[int(np.flatnonzero(line.columns == column)[0])]
+    trace = line.traces.mv[int(np.flatnonzero(line.columns == column)[0])]
     title = f"one record: line {row}, column {column}, mean of {line.sweeps} sweeps"
     caption = (
         "The two pulses of one record: the reference straight from the laser, and the echo from the target. "
         "The marked points, at half of each pulse's own peak, are the time-significant points; their distance gives "
         "the range."
     )
-    figure = draw_waveform(recording.times_ps, trace, title)
+    figure = draw_waveform(line.traces.times_ps, trace, title)
     return [Picture(save(figure, target / "waveform.png"), "Waveform", caption)]

@@ -6,10 +6,12 @@ here, because the simulator checks it.
 
 from __future__ import annotations
 
-import math
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from picoradar.drivers.interfaces import DRIVE_V, PRF_HZ
+from picoradar.instrument.settings.limits import MAX_DISTANCE, MIN_DISTANCE, max_drive_v
 
 RENAMED_BACKENDS = {"sim.usb.forward:backend": "picoradar.sim.usb.forward:backend"}
 """Old and new names of the USB backends in settings and recordings of version 0.1."""
@@ -61,8 +63,8 @@ class Links(Section):
 class PulserSettings(Section):
     """Pulser of the laser diode."""
 
-    prf_hz: float = Field(80_000.0, ge=20_000, le=240_000, description="pulse repetition frequency, Hz")
-    drive_v: float = Field(290.0, ge=240, le=330, description="drive voltage, V")
+    prf_hz: float = Field(80_000.0, ge=PRF_HZ[0], le=PRF_HZ[1], description="pulse repetition frequency, Hz")
+    drive_v: float = Field(290.0, ge=DRIVE_V[0], le=DRIVE_V[1], description="drive voltage, V")
     measured_output: tuple[tuple[float, float, float], ...] = Field(
         ((290.0, 80_000.0, 0.300), (330.0, 20_000.0, 0.103)),
         min_length=1,
@@ -88,9 +90,8 @@ class PulserSettings(Section):
 
     @model_validator(mode="after")
     def _no_overheating(self) -> PulserSettings:
-        # Section 2.6.1: above about 300 V at 80 kHz the transmitter overheats; the heat is proportional to f V^2.
-        limit_v = 300.0 * math.sqrt(80_000.0 / max(self.prf_hz, 80_000.0))
-        if self.prf_hz >= 80_000.0 and self.drive_v > limit_v:
+        limit_v = max_drive_v(self.prf_hz)
+        if self.drive_v > limit_v:
             raise ValueError(
                 f"drive_v {self.drive_v:g} V overheats the transmitter at {self.prf_hz:g} Hz; at most {limit_v:.0f} V"
             )
@@ -147,7 +148,10 @@ class ScanSettings(Section):
         1.0, gt=0, le=20, description="distance of neighbouring points on the plane at distance_mm, mm"
     )
     distance_mm: float = Field(
-        900.0, ge=620, le=1000, description="distance of that plane, mm (below 620 reference and echo overlap)"
+        900.0,
+        ge=MIN_DISTANCE.value,
+        le=MAX_DISTANCE.value,
+        description=f"distance of that plane, mm (below {MIN_DISTANCE.value:g} reference and echo overlap)",
     )
     averages: int = Field(8, ge=1, le=64, description="sweeps averaged into one record")
     mode: Literal["sweep", "window"] = Field(

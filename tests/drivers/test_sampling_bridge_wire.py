@@ -21,7 +21,7 @@ CONFIGURATION = sbp.Configuration(
 )
 SAMPLES = np.array([256, 260, 300, 512], np.uint16)
 FRAME = Frame(1, FrameFlag.FIRST | FrameFlag.LAST, 0, 7, 0, 0, 0, 8, 2300, 0xE67B8252, 0, SAMPLES)
-WINDOWS = [(sbp.Window(4_200_000, 6_700, 96, 1), sbp.Window(9_800_000, 6_700, 96, 1))]
+WINDOWS = [(sbp.WindowEntry(4_200_000, 6_700, 96, 1), sbp.WindowEntry(9_800_000, 6_700, 96, 1))]
 
 BLOCKS = {
     "info": (sbp.Info, sbp.Info(0x0100, 1, 0x0102, "SB-0001", "SLR sampling bridge", sbp.Feature(0x0F))),

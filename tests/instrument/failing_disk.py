@@ -12,12 +12,12 @@ import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from recording_writer import make_line
+from recording_writer import FORM, make_line
 
 from picoradar.instrument.recording import Recording, RecordingError
 
 LINES, SIZE = 2, (6, 40)
-HEADER = {"raster": {"rows": LINES, "columns": SIZE[0]}}
+HEADER = {"raster": {"rows": LINES, "columns": SIZE[0]}, "trace": FORM}
 DISK = ctypes.CDLL(None)
 DISK.failing_disk_calls.restype = ctypes.c_long
 
@@ -44,7 +44,7 @@ def record(path: Path, acknowledged: list[int]) -> None:
             recording.append(make_line(index, *SIZE))
             acknowledged.append(index)
         recording.event(9.0, "state", state="ready")
-        recording.finish("complete", True)
+        recording.finish("complete", laser_off_verified=True)
 
 
 def try_all(folder: Path, kind: str, error: int, for_ever: bool) -> Outcome:
@@ -87,7 +87,7 @@ def judge(path: Path, acknowledged: list[int], failed: bool, outcome: Outcome) -
         with Recording.resume(path) as recording:
             for index in recording.missing:
                 recording.append(make_line(index, *SIZE))
-            recording.finish("complete", True)
+            recording.finish("complete", laser_off_verified=True)
     with Recording.open(path) as recording:
         outcome.not_resumed += not (recording.complete and all(check.ok for check in recording.check()))
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from picoradar.drivers.clock import VirtualClock
 from picoradar.drivers.interfaces import PulserStatus, SamplerStatus, TemperatureStatus
 from picoradar.instrument.controller.exposure import exposure_of, refuse_above_class_1
+from picoradar.instrument.controller.interlock_monitor import InterlockMonitor
 from picoradar.instrument.controller.interlocks import Interlock, Readings, interlocks
-from picoradar.instrument.controller.panel import Panel
 from picoradar.instrument.errors import InterlockTripped
 from picoradar.instrument.settings import Settings, override
 
@@ -44,9 +44,9 @@ def clock() -> VirtualClock:
 
 
 @pytest.fixture
-def panel(clock: VirtualClock) -> Panel:
+def monitor(clock: VirtualClock) -> InterlockMonitor:
     settings = Settings()
-    return Panel(interlocks(settings, exposure_of(settings.pulser)), clock)
+    return InterlockMonitor(interlocks(settings, exposure_of(settings.pulser)), clock)
 
 
 @pytest.mark.parametrize(
@@ -74,57 +74,59 @@ def panel(clock: VirtualClock) -> Panel:
         (Readings(disk_lines=1.5), "disk space", "suspend"),
     ],
 )
-def test_each_interlock_trips_with_its_action(panel: Panel, readings: Readings, name: str, action: str) -> None:
+def test_each_interlock_trips_with_its_action(
+    monitor: InterlockMonitor, readings: Readings, name: str, action: str
+) -> None:
     with pytest.raises(InterlockTripped) as tripped:
-        panel.judge(readings, emitting=True)
+        monitor.judge(readings, emitting=True)
     assert (tripped.value.interlock, tripped.value.action) == (name, action)
-    assert any(line.startswith(name) for line in panel.why())
+    assert any(line.startswith(name) for line in monitor.why())
 
 
-def test_sound_readings_trip_nothing(panel: Panel) -> None:
+def test_sound_readings_trip_nothing(monitor: InterlockMonitor) -> None:
     for readings in (sampler(), pulser(), diode(23.0), Readings(None, None, None, True, 45.0, 1.0, 7400.0, 1e6)):
-        panel.judge(readings, emitting=True)
-    assert panel.why() == []
+        monitor.judge(readings, emitting=True)
+    assert monitor.why() == []
 
 
-def test_without_light_only_what_matters_then_is_asked_for(panel: Panel) -> None:
-    panel.judge(sampler(gate="off", trigger_hz=0.0, watchdog_left_s=0.0), emitting=False)
-    panel.judge(pulser(measured_v=0.0, triggers_on=False), emitting=False)
+def test_without_light_only_what_matters_then_is_asked_for(monitor: InterlockMonitor) -> None:
+    monitor.judge(sampler(gate="off", trigger_hz=0.0, watchdog_left_s=0.0), emitting=False)
+    monitor.judge(pulser(measured_v=0.0, triggers_on=False), emitting=False)
     with pytest.raises(InterlockTripped, match="interlock line"):
-        panel.judge(sampler(gate="off", interlock_closed=False), emitting=False)
+        monitor.judge(sampler(gate="off", interlock_closed=False), emitting=False)
 
 
 def test_the_scan_waits_for_the_diode_after_a_hold_off_and_goes_on_inside_the_hysteresis(
-    panel: Panel, clock: VirtualClock
+    monitor: InterlockMonitor, clock: VirtualClock
 ) -> None:
-    panel.judge(diode(23.25), emitting=True)  # outside, but not for long enough yet
-    assert panel.why() == []
+    monitor.judge(diode(23.25), emitting=True)  # outside, but not for long enough yet
+    assert monitor.why() == []
     clock.sleep(0.6)
     with pytest.raises(InterlockTripped) as held:
-        panel.judge(diode(23.25), emitting=True)
+        monitor.judge(diode(23.25), emitting=True)
     assert held.value.action == "suspend"
     with pytest.raises(InterlockTripped):
-        panel.judge(diode(23.18), emitting=False)  # inside the band, not yet inside the hysteresis
-    panel.judge(diode(23.14), emitting=False)
-    assert panel.why() == []
+        monitor.judge(diode(23.18), emitting=False)  # inside the band, not yet inside the hysteresis
+    monitor.judge(diode(23.14), emitting=False)
+    assert monitor.why() == []
 
 
 def test_readings_that_say_nothing_about_a_tripped_interlock_do_not_raise_it_again(
-    panel: Panel, clock: VirtualClock
+    monitor: InterlockMonitor, clock: VirtualClock
 ) -> None:
-    panel.judge(diode(23.25), emitting=True)
+    monitor.judge(diode(23.25), emitting=True)
     clock.sleep(1.0)
     with pytest.raises(InterlockTripped):
-        panel.judge(diode(23.25), emitting=True)
-    panel.judge(sampler(), emitting=True)
-    assert panel.why() == ["diode temperature: 23.25 degC is outside 22.8 to 23.2 degC; the scan waits for the diode"]
+        monitor.judge(diode(23.25), emitting=True)
+    monitor.judge(sampler(), emitting=True)
+    assert monitor.why() == ["diode temperature: 23.25 degC is outside 22.8 to 23.2 degC; the scan waits for the diode"]
 
 
 @given(values=st.lists(st.tuples(st.floats(-2, 2), st.floats(0, 3)), max_size=30))
 def test_hysteresis_and_hold_off_follow_their_definition(values: list[tuple[float, float]]) -> None:
     clock = VirtualClock()
     lock = Interlock("x", "", lambda r: r.reference_mv, -1, 1, "suspend", "", hysteresis=0.25, hold_off_s=2.0)
-    panel = Panel((lock,), clock)
+    monitor = InterlockMonitor((lock,), clock)
     tripped, since = False, None
     for value, wait_s in values:
         clock.sleep(wait_s)
@@ -132,17 +134,17 @@ def test_hysteresis_and_hold_off_follow_their_definition(values: list[tuple[floa
         since = None if inside else (clock.now() if since is None else since)
         tripped = not inside and (tripped or (since is not None and clock.now() - since >= 2.0))
         try:
-            panel.judge(Readings(reference_mv=value), emitting=True)
+            monitor.judge(Readings(reference_mv=value), emitting=True)
             raised = False
         except InterlockTripped:
             raised = True
         assert raised is tripped
-        assert bool(panel.why()) is tripped
+        assert bool(monitor.why()) is tripped
 
 
-def test_the_gravest_of_several_is_raised(panel: Panel, clock: VirtualClock) -> None:
+def test_the_gravest_of_several_is_raised(monitor: InterlockMonitor, clock: VirtualClock) -> None:
     with pytest.raises(InterlockTripped) as tripped:
-        panel.judge(
+        monitor.judge(
             Readings(diode=diode(24.5).diode, sampler=sampler(gate="off").sampler, disk_lines=0.0), emitting=True
         )
     assert tripped.value.action == "off"

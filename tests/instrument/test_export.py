@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from picoradar.drivers.traces import CodeScale, Trace
 from picoradar.instrument.files.export import ExportError, export
 from picoradar.instrument.files.points import read_points
 from picoradar.instrument.line import Flag, ScanLine
@@ -43,12 +44,17 @@ def recording(tmp_path: Path) -> Iterator[Recording]:
                 range_variance_mm2=np.full(5, 0.07),
                 response_mv=rng.uniform(30, 60, 5),
                 flags=flags,
-                sums=rng.integers(0, 2040, (5, 40)).astype(np.uint16),
+                traces=Trace(
+                    rng.integers(0, 2040, (5, 40)).astype(np.uint16),
+                    8,
+                    6500.0 + 6.7 * np.arange(40),
+                    CodeScale(40.0, 0.5),
+                ),
                 sweeps=8,
                 device_time_s=float(k),
             )
         )
-    recording.finish("finished", True)
+    recording.finish("finished", laser_off_verified=True)
     yield recording
     recording.close()
 

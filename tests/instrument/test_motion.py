@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 
-from picoradar.instrument.acquisition.motion import MotionWatch
+from picoradar.instrument.acquisition import MotionMonitor
 from picoradar.instrument.line import Flag
 from picoradar.instrument.ranging import Ranges
 
@@ -30,11 +30,11 @@ def ranges(range_mm: np.ndarray, flags: np.ndarray | None = None, sd_mm: float =
     )
 
 
-def watch(rows: int = 60) -> MotionWatch:
-    return MotionWatch(rows, look_s=0.02, line_s=0.1, pointing_sd_mm=0.035)
+def watch(rows: int = 60) -> MotionMonitor:
+    return MotionMonitor(rows, revisit_s=0.02, line_s=0.1, pointing_sd_mm=0.035)
 
 
-def run(watched: MotionWatch, moved_mm: np.ndarray, rng: np.random.Generator) -> list[bool]:
+def run(watched: MotionMonitor, moved_mm: np.ndarray, rng: np.random.Generator) -> list[bool]:
     """Take lines of a slope of 30 degrees; return after each whether the target counts as moved."""
     found = []
     for row, off in enumerate(moved_mm):
@@ -91,17 +91,17 @@ def test_the_place_is_a_good_one_where_the_target_is_flat() -> None:
     flags = np.zeros(12, dtype=np.uint16)
     flags[3] = Flag.MIXED  # flat, but no single surface
     watched.line_done(4, ranges(range_mm, flags), 1.0, None)
-    assert watched.place == (4, 8)
+    assert watched.point == (4, 8)
     nothing = watch()
     nothing.line_done(0, ranges(np.full(12, np.nan)), 1.0, None)
-    assert nothing.place is None
+    assert nothing.point is None
     assert not nothing.due
 
 
 def test_a_scan_too_short_for_a_second_look_is_not_watched() -> None:
     watched = watch(rows=11)
     assert not any(run(watched, np.linspace(0, 50, 11), np.random.default_rng(4)))
-    assert watched.place is None
+    assert watched.point is None
 
 
 def test_it_goes_on_from_what_the_recording_holds() -> None:
@@ -110,6 +110,17 @@ def test_it_goes_on_from_what_the_recording_holds() -> None:
     expected = run(whole, off, np.random.default_rng(5))
     rng = np.random.default_rng(5)
     before = run(first, off[:14], rng)
-    second.recall(json.loads(json.dumps(first.memory())))
+    second.load_state(json.loads(json.dumps(first.state_dict())))
     assert dataclasses.asdict(second) == dataclasses.asdict(first)
     assert before + run(second, off[14:], rng) == expected
+
+
+@pytest.mark.parametrize(("off_mm", "moved"), [(1.1, False), (1.3, True)])
+def test_without_a_known_step_the_surface_may_be_steep(off_mm: float, moved: bool) -> None:
+    """Five sigma of two ranges (0.13 mm each) and the pointing (0.035 mm) at a slope of 3 are 1.21 mm; at 0, 0.95."""
+    monitor, column = watch(), np.full(12, 900.0)
+    monitor.line_done(0, ranges(column), None, None)
+    assert monitor.point is not None
+    monitor.line_done(1, ranges(column), None, ranges(np.array([900.0])))
+    monitor.line_done(2, ranges(column), None, ranges(np.array([900.0 + off_mm])))
+    assert monitor.moved is moved

@@ -10,7 +10,7 @@ import pytest
 from picoradar.instrument.calibration import Calibration, ScannerErrors, Walk, differences, out_of_date
 from picoradar.instrument.procedures import PROCEDURES
 from picoradar.instrument.procedures.drift import allan_deviation, warm_after
-from picoradar.instrument.procedures.prism.body import distances, model_places
+from picoradar.instrument.procedures.prism.body import distances, model_points
 from picoradar.instrument.procedures.station.findings import lost_readings
 from picoradar.instrument.procedures.station.light import Light
 from picoradar.instrument.procedures.transmitter import measured
@@ -59,7 +59,7 @@ def test_a_gaussian_light_pulse_is_measured() -> None:
 
 
 def test_distances_from_the_prism() -> None:
-    places = model_places().reshape(-1, 3)
+    places = model_points().reshape(-1, 3)
     beams = np.broadcast_to([0.0, 0.0, -1.0], places.shape)
     lifted = places + [0.0, 0.0, 0.5]
     found = distances(lifted, beams)

@@ -24,7 +24,8 @@ resource = pytest.importorskip("resource", reason="limits of file sizes and kill
 
 PAGE = 4096
 WRITER = Path(__file__).with_name("recording_writer.py")
-HEADER = {"raster": {"rows": 500, "columns": 40}}
+FORM = {"start_ps": 6500.0, "step_ps": 6.7, "samples": 300, "zero_code": 40.0, "mv_per_code": 0.5}
+HEADER = {"raster": {"rows": 500, "columns": 40}, "trace": FORM}
 
 
 @pytest.fixture(scope="module")
@@ -194,7 +195,7 @@ def test_a_full_disk_keeps_the_lines_before_and_takes_more_when_there_is_room(
         recording._connection.execute(f"PRAGMA max_page_count={pages + 100}")
         recording.append(writer.make_line(1))
         assert recording.done == [0, 1]
-        recording.finish("the disk is full", True)
+        recording.finish("the disk is full", laser_off_verified=True)
     with Recording.open(path) as recording:
         assert recording.stop_reason == "the disk is full"
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from picoradar.drivers.traces import CodeScale, Window
 from picoradar.instrument.files.export import export
 from picoradar.instrument.line import LineWindows, ScanLine
 from picoradar.instrument.recording import Recording, RecordingError
@@ -17,6 +18,8 @@ HEADER = {
     "raster": {"rows": 4, "columns": 3, "step_mm": 1.0, "mode": "window", "averages": 8},
     "trace": {"start_ps": 6500.0, "step_ps": 6.7, "samples": 1430, "zero_code": 32.0, "mv_per_code": 0.5},
 }
+
+SCALE = CodeScale(32.0, 0.5)
 
 
 def make_windows(index: int) -> LineWindows:
@@ -27,11 +30,12 @@ def make_windows(index: int) -> LineWindows:
         columns=np.array([0, 1, 2, 2], dtype=np.int32),
         retaken=np.array([False, False, False, True]),
         clipped=rng.random(4) < 0.5,
-        start_fs=rng.integers(0, 4_000_000_000_000, (4, 2)),
-        step_fs=rng.integers(1000, 100_000, (4, 2)),
+        start_ps=rng.integers(0, 4_000_000_000_000, (4, 2)) / 1000,
+        step_ps=rng.integers(1000, 100_000, (4, 2)) / 1000,
         samples=samples,
         sweeps=rng.integers(1, 9, (4, 2)).astype(np.int32),
         sums=rng.integers(0, 2040, samples.sum()).astype(np.uint16),
+        scale=SCALE,
     )
 
 
@@ -47,7 +51,7 @@ def make_line(index: int, windows: LineWindows | None) -> ScanLine:
         range_variance_mm2=np.ones(3),
         response_mv=np.full(3, 40.0),
         flags=np.zeros(3, dtype=np.uint16),
-        sums=None,
+        traces=None,
         sweeps=1,
         device_time_s=float(index),
         windows=windows,
@@ -60,15 +64,15 @@ def path(tmp_path: Path) -> Path:
     with Recording.create(file, HEADER) as recording:
         for index in range(4):
             recording.append(make_line(index, make_windows(index)))
-        recording.finish("complete", True)
+        recording.finish("complete", laser_off_verified=True)
     return file
 
 
 def same(a: LineWindows, b: LineWindows) -> bool:
-    return all(
-        np.array_equal(getattr(a, field.name), getattr(b, field.name))
-        and getattr(a, field.name).dtype == getattr(b, field.name).dtype
-        for field in dataclasses.fields(a)
+    arrays = [field.name for field in dataclasses.fields(a) if field.name != "scale"]
+    return a.scale == b.scale and all(
+        np.array_equal(getattr(a, name), getattr(b, name)) and getattr(a, name).dtype == getattr(b, name).dtype
+        for name in arrays
     )
 
 
@@ -79,9 +83,11 @@ def test_windows_come_back_to_the_last_bit(path: Path) -> None:
             assert found is not None
             assert same(found, make_windows(index))
             assert recording.line(index, traces=False).windows is None
-            pieces = found.pieces()
-            assert [len(piece) for piece in pieces] == [13, 20, 14, 21, 13, 12, 60, 160]
-            assert np.array_equal(np.concatenate(pieces[-2:]), found.where(found.retaken).sums)
+            assert [len(trace) for pair in found.traces_mv() for trace in pair] == [13, 20, 14, 21, 13, 12, 60, 160]
+            again = found.where(found.retaken)
+            first_mv = (again.sums[0] / again.sweeps[0, 0] - 32.0) * 0.5
+            assert again.traces_mv()[0][0][0] == pytest.approx(first_mv)
+            assert found.table()[-1][1] == Window(again.start_ps[0, 1], again.step_ps[0, 1], 160, again.sweeps[0, 1])
             assert same(found.where(~found.retaken).followed_by(found.where(found.retaken)), found)
 
 
@@ -104,7 +110,7 @@ def test_a_flipped_bit_in_the_windows_is_found(path: Path, table: str, column: s
     [
         ({"sums": np.zeros(5, dtype=np.uint16)}, "5 sums for windows of 313 samples"),
         ({"sweeps": np.full((4, 2), 70_000, dtype=np.int32)}, "sweeps of a window is too large"),
-        ({"start_fs": np.zeros((4, 2), dtype=np.int64), "samples": np.full((4, 2), -1, dtype=np.int32)}, "sums for"),
+        ({"start_ps": np.zeros((4, 2)), "samples": np.full((4, 2), -1, dtype=np.int32)}, "sums for"),
     ],
 )
 def test_windows_that_do_not_fit_are_refused(tmp_path: Path, change: dict[str, np.ndarray], said: str) -> None:
@@ -135,7 +141,7 @@ def test_a_recording_of_the_first_layout_still_opens_and_goes_on(path: Path) -> 
     with Recording.resume(path) as going_on:
         assert going_on.missing == [3]
         going_on.append(make_line(3, make_windows(3)))
-        going_on.finish("complete", True)
+        going_on.finish("complete", laser_off_verified=True)
     with Recording.open(path) as whole:
         found = whole.line(3).windows
         assert found is not None
@@ -157,7 +163,7 @@ def test_windows_are_exported(path: Path, tmp_path: Path, suffix: str) -> None:
     assert arrays["row"].tolist() == [k for k in range(4) for _ in range(8)]
     assert arrays["column"][:8].tolist() == [0, 0, 1, 1, 2, 2, 2, 2]
     assert arrays["echo"][:4].tolist() == [0, 1, 0, 1]
-    last = make_windows(3).pieces()[-1]
+    last = make_windows(3).sums[-160:]
     first = int(arrays["first"][-1])
     assert np.array_equal(arrays["sums"][first : first + int(arrays["samples"][-1])], last)
     if suffix == ".h5":

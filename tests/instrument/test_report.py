@@ -11,11 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from picoradar.drivers.traces import CodeScale, Trace
 from picoradar.instrument.line import Flag, ScanLine
 from picoradar.instrument.recording import Recording
-from picoradar.instrument.report import write_report
+from picoradar.instrument.report import RegisteredScan, Surface, write_report
 from picoradar.instrument.report.style import classes_of
 from picoradar.instrument.report.waveform import time_significant_points
+from picoradar.registration import Tolerance
 
 ROWS, COLUMNS, SAMPLES, STEP_PS, START_PS = 12, 14, 700, 13.4, 6500.0
 HEADER = {
@@ -100,7 +102,7 @@ def bowl_line(row: int, *, traces: bool = True) -> ScanLine:
         range_variance_mm2=np.full(COLUMNS, 0.07),
         response_mv=rng.uniform(32, 58, COLUMNS),
         flags=flags,
-        sums=sums if traces else None,
+        traces=Trace(sums, 8, times, CodeScale(40.0, 0.5)) if traces else None,
         sweeps=8,
         device_time_s=float(row),
     )
@@ -112,7 +114,7 @@ def scan(
     recording = Recording.create(path, HEADER)
     for row in range(rows):
         recording.append(bowl_line(row, traces=traces))
-    recording.finish(reason, verified)
+    recording.finish(reason, laser_off_verified=verified)
     return recording
 
 
@@ -127,9 +129,9 @@ def bowl_mesh() -> tuple[np.ndarray, np.ndarray]:
 
 
 def report(folder: Path, recording: Recording, **kwargs: Any) -> tuple[str, Path]:
-    file = write_report(
-        folder, recording=recording, summary={"scan": {"device_time_s": 240.0}, "nan": np.nan}, **kwargs
-    )
+    registered = RegisteredScan(**{"tolerance": Tolerance(), **kwargs}) if kwargs else None
+    summary = {"scan": {"device_time_s": 240.0}, "nan": np.nan}
+    file = write_report(folder, recording=recording, registered=registered, summary=summary)
     recording.close()
     return file.read_text(encoding="utf-8"), folder
 
@@ -148,8 +150,7 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
         folder,
         scan(folder / "scan.db"),
         registration=Found(residuals()),
-        model_vertices=vertices,
-        model_faces=faces,
+        model=Surface(vertices, faces),
         truth_error={"rotation_deg": 0.1, "translation_mm": 0.2, "tre_mm": 0.083},
     )
 
@@ -189,8 +190,7 @@ def test_the_same_data_give_the_same_pictures(full: tuple[str, Path], tmp_path: 
         tmp_path,
         scan(tmp_path / "scan.db", traces=False),
         registration=Found(residuals(), history=[]),
-        model_vertices=vertices,
-        model_faces=faces,
+        model=Surface(vertices, faces),
     )
     for name in ("overlay.png", "residuals.png", "cloud.png", "cloud.ply"):
         assert (tmp_path / name).read_bytes() == (full[1] / name).read_bytes()
@@ -216,6 +216,26 @@ def test_a_pose_that_the_simulated_bench_knows_to_be_wrong(tmp_path: Path) -> No
     truth = {"rotation_deg": 1.2, "translation_mm": 0.2, "tre_mm": 0.5}
     page, _ = report(tmp_path, small(tmp_path / "scan.db"), registration=quick(), truth_error=truth)
     assert page.index("SCAN NOT COMPLETE") < page.index("WRONG POSE") < page.index("PASSED")
+    assert "above the tolerance of 1 degree or 1 mm" in page
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "wrong"),
+    [
+        (Tolerance(1.3, 1.0), False),
+        (Tolerance(1.1, 1.0), True),
+        (Tolerance(2.0, 0.19), True),
+        (Tolerance(1.2, 0.2), False),
+    ],
+)
+def test_the_tolerance_decides_what_a_wrong_pose_is(tmp_path: Path, tolerance: Tolerance, wrong: bool) -> None:
+    truth = {"rotation_deg": 1.2, "translation_mm": 0.2, "tre_mm": 0.5}
+    recording = small(tmp_path / "scan.db")
+    page, _ = report(tmp_path, recording, registration=quick(), truth_error=truth, tolerance=tolerance)
+    said = f"above the tolerance of {tolerance.rotation_deg:g} degree or {tolerance.target_mm:g} mm"
+    assert ("WRONG POSE" in page) is wrong
+    assert (said in page) is wrong
+    assert f"{tolerance.rotation_deg:g}° and {tolerance.target_mm:g} mm at the targets" in page
     assert "2 of 12 lines are there. Ended: aborted." in page
 
 
@@ -234,8 +254,9 @@ def test_broken_off_scan_and_laser_not_verified(tmp_path: Path) -> None:
 
 def test_a_registration_of_other_points_is_refused(tmp_path: Path) -> None:
     recording = scan(tmp_path / "scan.db")
+    registered = RegisteredScan(Found(np.zeros(3)), Tolerance())
     with pytest.raises(ValueError, match="has 3 points, the recording 166"):
-        write_report(tmp_path, recording=recording, registration=Found(np.zeros(3)), summary={})  # type: ignore[arg-type]
+        write_report(tmp_path, recording=recording, registered=registered, summary={})
     recording.close()
 
 

@@ -13,8 +13,9 @@ import pytest
 
 from picoradar.drivers.bridge.sbp import Gate
 from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.traces import CodeScale
 from picoradar.instrument import events
-from picoradar.instrument.acquisition import RasterScan
+from picoradar.instrument.acquisition import Acquisition, Setup, raster_scan
 from picoradar.instrument.bench import make_bench
 from picoradar.instrument.cli.session import calibration_of
 from picoradar.instrument.controller import Controller, ScanOutcome
@@ -44,13 +45,13 @@ class Radar:
         open_gate = self.sim.bridge.gate.state is Gate.ON
         return open_gate and self.sim.trigger.rate_hz > 0 and self.sim.genesys.output_v() > 200.0
 
-    def job(self) -> RasterScan:
-        return RasterScan(self.settings, calibration_of(self.settings), self.clock)
+    def job(self) -> Acquisition:
+        return raster_scan(Setup(self.settings, calibration_of(self.settings), self.clock))
 
     def recording(self) -> Recording:
         job = self.job()
         sampler = self.bench.sampler
-        header = job.header({}, seed=1, zero_code=sampler.zero_code, mv_per_code=sampler.mv_per_code)
+        header = job.header({}, seed=1, scale=CodeScale(sampler.zero_code, sampler.mv_per_code))
         self.scans += 1
         return Recording.create(self.folder / f"scan{self.scans}.db", header)
 

@@ -26,7 +26,7 @@ from picoradar.instrument.procedures.gray_target import procedure as gray_target
 from picoradar.instrument.procedures.gray_target import templates
 from picoradar.instrument.procedures.prism import procedure as prism
 from picoradar.instrument.procedures.scanner import procedure as scanner
-from picoradar.instrument.procedures.station import Outcome, Placing, Station
+from picoradar.instrument.procedures.station import Outcome, Placing, Radar, Station
 from picoradar.instrument.settings import Settings, load_settings, override
 from picoradar.sim.physics import Transmitter
 from picoradar.sim.settings import SimulationSettings
@@ -86,8 +86,8 @@ def bench() -> Iterator[Session]:
 
 
 def station_of(run: Session, stage: PersonStage, folder: Path) -> Station:
-    parts = run.controller, run.settings, run.calibration, run.identities, stage, folder
-    return Station(*parts, lambda _share, _note: None)
+    radar = Radar(run.controller, run.settings, run.calibration, run.identities)
+    return Station(radar, stage, folder, lambda _share, _note: None)
 
 
 @pytest.mark.parametrize("name", SMALL)
@@ -209,8 +209,8 @@ def test_the_laser_is_looked_at_through_the_drivers_of_a_served_bench(
         assert run.simulated is None
         run.controller.warm_up()
         person = Person(run.controller.rest, reader.script)  # type: ignore[arg-type]
-        parts = run.controller, run.settings, run.calibration, run.identities, PersonStage(person), tmp_path
-        station = Station(*parts, lambda _share, _note: None, meters=light_meters(run, person))
+        radar, meters = Radar(run.controller, run.settings, run.calibration, run.identities), light_meters(run, person)
+        station = Station(radar, PersonStage(person), tmp_path, lambda _share, _note: None, meters=meters)
         outcome = transmitter.run(station, volts=(270.0, 290.0), degc=(23.0,))
         reader.script.say(None)
     assert outcome.passed, outcome.findings

@@ -25,8 +25,7 @@ from picoradar.instrument.procedures.gray_target import procedure as gray_target
 from picoradar.instrument.procedures.gray_target import templates
 from picoradar.instrument.procedures.prism import procedure as prism
 from picoradar.instrument.procedures.scanner import procedure as scanner
-from picoradar.instrument.procedures.station import Outcome, Placing, Station, write_outcome
-from picoradar.instrument.procedures.station.records import cloud_of
+from picoradar.instrument.procedures.station import Outcome, Placing, Radar, Station, write_outcome
 from picoradar.instrument.settings import Settings, override
 from picoradar.sim.wires import Acquisition
 
@@ -69,8 +68,8 @@ def station(bench: Session, tmp_path: Path) -> Station:
 def make_station(bench: Session, stage: Any, folder: Path) -> Station:
     assert bench.simulated is not None
     meters = light_meters(bench, Person(bench.controller.rest))
-    parts = bench.controller, bench.settings, bench.calibration, bench.identities, stage, folder
-    return Station(*parts, lambda _share, _note: None, DATE, meters, seed=1)
+    radar = Radar(bench.controller, bench.settings, bench.calibration, bench.identities, seed=1)
+    return Station(radar, stage, folder, lambda _share, _note: None, date=DATE, meters=meters)
 
 
 def test_gray_target_makes_a_calibration_that_holds_on_cards_held_back(station: Station) -> None:
@@ -144,10 +143,10 @@ def test_the_working_point_of_the_transmitter_is_found(station: Station) -> None
 
 def test_the_calibration_that_ships_fits_the_simulator(station: Station) -> None:
     for gray, limit_mm in ((0.7, 0.05), (0.35, 0.05), (0.25, 0.10)):
-        told = station.stage.place(Placing("card", 900.0, gray=gray))
-        path = station.stare(f"card-{gray}", 60)
+        reported_mm = station.stage.place(Placing("card", 900.0, gray=gray))
+        measured = station.dwell(f"card-{gray}", 60)
         for method, allowed in (("template", limit_mm), ("half-maximum", limit_mm + 0.15)):
-            error = cloud_of(path, method, station.calibration).with_range().range_mm - told
+            error = measured.reprocessed(method, station.calibration).with_range().range_mm - reported_mm
             assert abs(float(error.mean())) < allowed, (gray, method)
 
 

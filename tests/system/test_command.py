@@ -95,6 +95,43 @@ def test_the_files_of_the_demo_can_be_used_by_the_other_commands(
     )
 
 
+def test_the_tolerance_decides_the_verdict(call: Any, demo: tuple[Path, dict[str, Any]]) -> None:
+    folder, _ = demo
+    given = ("register", folder / "scan.db", folder / "model.stl", "--landmarks", folder / "landmarks.json", "--json")
+    found = {}
+    for tolerance in (None, "1,1", "0.01,1", "1,0.01", "3,2"):
+        code, result, _ = call(*given, *([] if tolerance is None else ["--tolerance", tolerance]))
+        found[tolerance] = result
+        assert result["verdict"] == ("fail" if code else "pass")
+        assert bool(code) is (tolerance in ("0.01,1", "1,0.01"))
+    assert found[None]["tolerance"] == found["1,1"]["tolerance"] == {"rotation_deg": 1.0, "target_mm": 1.0}
+    assert "limit is 0.01 deg" in found["0.01,1"]["reasons"][0]
+    assert "limit is 0.01 mm" in " ".join(found["1,0.01"]["reasons"])
+    poses = [result["model_from_scanner"] for result in found.values()]
+    assert all(pose == poses[0] for pose in poses)
+
+
+@pytest.mark.parametrize("text", ["1", "1,2,3", "0,1", "1,-1", "nan,1", "a,b"])
+def test_a_tolerance_that_makes_no_sense_is_refused(call: Any, demo: tuple[Path, dict[str, Any]], text: str) -> None:
+    folder, _ = demo
+    code, result, _ = call("register", folder / "scan.db", folder / "model.stl", f"--tolerance={text}", "--json")
+    assert code == 2
+    assert "--tolerance" in result["error"]
+
+
+def test_the_demo_is_accepted_by_the_tolerance_asked_for(call: Any, tmp_path: Path) -> None:
+    small = ("demo", "--grid", "14x14", "--step-mm", "3", "--json")
+    found = {}
+    for tolerance in ("2,2", "0.001,2"):
+        folder = tmp_path / tolerance
+        code, result, _ = call(*small, "--tolerance", tolerance, "--out", folder)
+        found[tolerance] = code, result["registration"]["verdict"], (folder / "report.html").read_text(encoding="utf-8")
+    assert found["2,2"][:2] == (0, "pass")
+    assert found["0.001,2"][:2] == (1, "fail")
+    assert "WRONG POSE" not in found["2,2"][2]
+    assert "above the tolerance of 0.001 degree or 2 mm" in found["0.001,2"][2]
+
+
 def test_same_seed_same_bytes_and_another_seed_other_bytes(call: Any, tmp_path: Path) -> None:
     def cloud(name: str, seed: int) -> bytes:
         code, *_ = call("scan", "--grid", "3x4", "--seed", seed, "-o", tmp_path / f"{name}.db", "--json")

@@ -14,8 +14,9 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from benchmarks.faults.watch import LightMeter
 from picoradar.drivers.clock import VirtualClock
 from picoradar.drivers.errors import DeviceError
+from picoradar.drivers.traces import CodeScale
 from picoradar.instrument import events
-from picoradar.instrument.acquisition import RasterScan
+from picoradar.instrument.acquisition import Setup, raster_scan
 from picoradar.instrument.bench import make_bench
 from picoradar.instrument.cli.session import calibration_of
 from picoradar.instrument.controller import STATES, Controller, allowed_verbs
@@ -112,8 +113,8 @@ class Radar(RuleBasedStateMachine):
         self.scans += 1
         path = Path(self.folder.name) / f"{self.scans}.db"
         self.clock.call_at(self.clock.now() + 100.0, lambda: self.controller.request("abort"))  # no pause for ever
-        job = RasterScan(SMALL, calibration_of(SMALL), self.clock)
-        header = job.header({}, seed=0, zero_code=32.0, mv_per_code=0.5)
+        job = raster_scan(Setup(SMALL, calibration_of(SMALL), self.clock))
+        header = job.header({}, seed=0, scale=CodeScale(32.0, 0.5))
         seen: list[int] = []
 
         def sink(line: ScanLine) -> None:

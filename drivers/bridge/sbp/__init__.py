@@ -24,7 +24,7 @@ from picoradar.drivers.bridge.sbp.codes import (
     StatusFlag,
     error_name,
 )
-from picoradar.drivers.bridge.sbp.configuration import Configuration, Window, decode_windows, encode_windows
+from picoradar.drivers.bridge.sbp.configuration import Configuration, WindowEntry, decode_windows, encode_windows
 from picoradar.drivers.bridge.sbp.frames import Frame, FrameFlag, FrameParser, encode_frame
 from picoradar.drivers.bridge.sbp.identity import Caps, Info
 from picoradar.drivers.bridge.sbp.sealing import BadBlock, seal
@@ -59,7 +59,7 @@ __all__ = [
     "State",
     "Status",
     "StatusFlag",
-    "Window",
+    "WindowEntry",
     "decode_windows",
     "encode_frame",
     "encode_windows",

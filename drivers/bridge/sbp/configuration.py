@@ -8,9 +8,11 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 from picoradar.drivers.bridge.sbp.codes import VERSION_1_0, VERSION_1_1, ConfigFlag, ErrorCode, Format
 from picoradar.drivers.bridge.sbp.sealing import BadBlock, open_block, seal
+from picoradar.drivers.traces import Window
 
 
 @dataclass(frozen=True)
@@ -63,19 +65,29 @@ class Configuration:
 
 
 @dataclass(frozen=True)
-class Window:
-    """One entry of the window table (section 10): a piece of the trace and its number of sweeps."""
+class WindowEntry:
+    """One entry of the window table (section 10): a piece of the trace in whole femtoseconds, and its sweeps."""
 
     start_fs: int
     step_fs: int
     samples: int
     sweeps: int
 
+    @classmethod
+    def of(cls, window: Window) -> Self:
+        """Round a window (ps) to the unit of the protocol."""
+        return cls(femtoseconds(window.start_ps), femtoseconds(window.step_ps), window.samples, window.sweeps)
+
+
+def femtoseconds(time_ps: float) -> int:
+    """Round a time in ps to whole femtoseconds, the unit of the protocol."""
+    return round(time_ps * 1000)
+
 
 _ENTRY = struct.Struct("<QIHH")
 
 
-def encode_windows(table: Sequence[Sequence[Window]]) -> bytes:
+def encode_windows(table: Sequence[Sequence[WindowEntry]]) -> bytes:
     """Get the block of SET_WINDOWS for records of equally many windows.
 
     Raises
@@ -91,7 +103,7 @@ def encode_windows(table: Sequence[Sequence[Window]]) -> bytes:
     return seal(body + b"".join(_ENTRY.pack(w.start_fs, w.step_fs, w.samples, w.sweeps) for w in entries))
 
 
-def decode_windows(data: bytes) -> list[tuple[Window, ...]]:
+def decode_windows(data: bytes) -> list[tuple[WindowEntry, ...]]:
     """Read the block of SET_WINDOWS: one tuple of windows for each record.
 
     Raises
@@ -102,5 +114,5 @@ def decode_windows(data: bytes) -> list[tuple[Window, ...]]:
     _, _, width, records = struct.unpack_from("<HHHH", block)
     if len(data) != len(block) or len(block) != 12 + 16 * width * records:
         raise BadBlock(ErrorCode.BAD_LENGTH, f"window table: {len(data)} bytes for {records} x {width} windows")
-    entries = [Window(*fields) for fields in _ENTRY.iter_unpack(block[8:-4])]
+    entries = [WindowEntry(*fields) for fields in _ENTRY.iter_unpack(block[8:-4])]
     return [tuple(entries[m * width : (m + 1) * width]) for m in range(records)]

@@ -7,17 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from picoradar.drivers.bridge.sbp.configuration import Window
+from picoradar.drivers.bridge.sbp.configuration import WindowEntry, femtoseconds
 from picoradar.drivers.bridge.sbp.identity import Caps
 from picoradar.drivers.errors import LimitError, check_range
 from picoradar.drivers.interfaces import SweepSettings
 
 DEAD_PS = 100_000.0  # a sweep ends at least 100 ns before the next trigger
-
-
-def femtoseconds(time_ps: float) -> int:
-    """Round a time in ps to whole femtoseconds, the unit of the protocol."""
-    return round(time_ps * 1000)
 
 
 def check_sweep(device: str, sweep: SweepSettings, caps: Caps) -> None:
@@ -45,11 +40,11 @@ def check_sweep(device: str, sweep: SweepSettings, caps: Caps) -> None:
     for name, value_ps in (("start delay", sweep.start_ps), ("step", sweep.step_ps)):
         if abs(femtoseconds(value_ps) - value_ps * 1000) > 1e-3:
             raise LimitError(device, f"{name} {value_ps!r} ps is not a whole number of femtoseconds; nothing was sent")
-    window = Window(femtoseconds(sweep.start_ps), femtoseconds(sweep.step_ps), sweep.samples, sweep.averages)
+    window = WindowEntry(femtoseconds(sweep.start_ps), femtoseconds(sweep.step_ps), sweep.samples, sweep.averages)
     check_window(device, window, round(sweep.prf_hz), caps)
 
 
-def check_table(device: str, table: Sequence[Sequence[Window]], prf_hz: int, caps: Caps) -> None:
+def check_table(device: str, table: Sequence[Sequence[WindowEntry]], prf_hz: int, caps: Caps) -> None:
     """Check a table of windows.
 
     Parameters
@@ -78,7 +73,7 @@ def check_table(device: str, table: Sequence[Sequence[Window]], prf_hz: int, cap
             check_window(f"{device}, record {m}, window {w}", window, prf_hz, caps)
 
 
-def check_window(device: str, window: Window, prf_hz: int, caps: Caps) -> None:
+def check_window(device: str, window: WindowEntry, prf_hz: int, caps: Caps) -> None:
     """Check start, step, samples and sweeps of one sweep or window.
 
     Parameters

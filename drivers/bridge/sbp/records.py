@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from picoradar.drivers.bridge.sbp.codes import Format
-from picoradar.drivers.bridge.sbp.configuration import Window
+from picoradar.drivers.bridge.sbp.configuration import WindowEntry
 from picoradar.drivers.bridge.sbp.frames import Frame, FrameFlag
 from picoradar.drivers.bridge.sbp.identity import Caps
 from picoradar.drivers.interfaces import Record, WindowRecord
@@ -34,14 +34,14 @@ class RecordAssembler:
         Frames of other runs are stale and are dropped.
     config_crc : int
         CRC of the configuration that the frames have to carry.
-    table : sequence of sequences of Window
+    table : sequence of sequences of WindowEntry
         Windows of each record; the last row applies to all further records.
     """
 
     caps: Caps
     run_id: int
     config_crc: int
-    table: Sequence[Sequence[Window]]
+    table: Sequence[Sequence[WindowEntry]]
     _sequence: int = 0
     _number: int = 0
     _frames: list[Frame] = field(default_factory=list)
@@ -81,7 +81,7 @@ class RecordAssembler:
         records = tuple(self._trace(window, part) for window, part in zip(windows, parts, strict=True))
         return WindowRecord(self._number, records)
 
-    def _trace(self, window: Window, frames: list[Frame]) -> Record:
+    def _trace(self, window: WindowEntry, frames: list[Frame]) -> Record:
         firsts = np.cumsum([0] + [len(f.samples) for f in frames])
         if [f.first for f in frames] != firsts[:-1].tolist() or firsts[-1] != window.samples:
             raise CorruptedRun(f"{firsts[-1]} of {window.samples} samples of record {self._number} came")

@@ -6,9 +6,9 @@ Source: protocol sheet ``sampling_bridge.md``, sections 2.3 and 10.
 from __future__ import annotations
 
 from picoradar.drivers.bridge.sbp.codes import ConfigFlag
-from picoradar.drivers.bridge.sbp.configuration import Configuration
+from picoradar.drivers.bridge.sbp.configuration import Configuration, femtoseconds
 from picoradar.drivers.bridge.sbp.identity import Caps
-from picoradar.drivers.bridge.sbp.limits import check_sweep, femtoseconds
+from picoradar.drivers.bridge.sbp.limits import check_sweep
 from picoradar.drivers.interfaces import SweepSettings
 
 

@@ -124,23 +124,14 @@ def _station(run: Session, name: str, folder: Path, progress: Progress, date: da
     from picoradar.instrument.cli.light_meters import light_meters
     from picoradar.instrument.cli.person import Person
     from picoradar.instrument.cli.stages import PersonStage, SimulatedStage
-    from picoradar.instrument.procedures.station import Station
+    from picoradar.instrument.procedures.station import Radar, Station
 
     person = Person(run.controller.rest)
     stage = PersonStage(person) if run.simulated is None else SimulatedStage(run.simulated)
     meters = light_meters(run, person) if name == "transmitter" else None
-    return Station(
-        run.controller,
-        run.settings,
-        run.calibration,
-        run.identities,
-        stage,
-        folder,
-        progress,
-        date,
-        meters,
-        run.settings.seed if run.simulated is not None else None,
-    )
+    seed = run.settings.seed if run.simulated is not None else None
+    radar = Radar(run.controller, run.settings, run.calibration, run.identities, seed)
+    return Station(radar, stage, folder, progress, date=date, meters=meters)
 
 
 def _new_folder(folder: Path) -> Path:

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from picoradar.instrument.cli import options, output
+from picoradar.instrument.cli.commands import register as registering
 from picoradar.instrument.errors import BadInput
+from picoradar.instrument.events import JsonObject
 
-LEAST_POINTS = 6
-ACCEPTED_ROTATION_DEG = 1.0  # what the clinic asks for (dissertation, chapter 1)
-ACCEPTED_TRANSLATION_MM = 1.0
+if TYPE_CHECKING:
+    from picoradar.instrument.cli.demo_steps import DemoRegistration
+    from picoradar.instrument.settings import Settings
+
+MIN_POINTS = 6
 
 
 def add_to(app: typer.Typer) -> None:
@@ -34,6 +38,7 @@ def demo(
     mode: options.Mode = None,
     estimator: options.Estimator = None,
     method: Annotated[str, typer.Option(help="Registration: robust or dissertation.")] = "robust",
+    tolerance: registering.ToleranceOption = None,
     speed: options.Speed = "max",
     out: Annotated[
         Path | None, typer.Option("--out", help="Report folder to make; must not hold a recording yet.")
@@ -41,8 +46,7 @@ def demo(
     json: options.Json = False,
 ) -> None:
     """Warm up, scan a real hip socket on the simulated bench, register it, and write a report folder."""
-    from picoradar.instrument.cli import session
-    from picoradar.instrument.cli.commands import register as registering
+    from picoradar.instrument.cli import scanning, session
     from picoradar.instrument.cli.demo_steps import register_scan, write_folder
 
     began = time.perf_counter()
@@ -59,48 +63,48 @@ def demo(
         mode=mode,
         estimator=estimator,
     )
-    if wanted.bench != "simulated":
-        raise BadInput("demo runs on the simulated bench; for real devices use: picoradar scan --settings FILE")
-    if wanted.simulation.get("target") not in (None, "hip"):
-        raise BadInput("demo needs the landmarks of the hip; for another target use: picoradar scan --target ...")
-    if wanted.scan.rows * wanted.scan.columns < LEAST_POINTS:
-        raise BadInput(f"a pose needs at least {LEAST_POINTS} points; give a larger --grid")
-    chosen = registering.checked_method(method)
+    _refuse_other_jobs(wanted)
+    chosen, allowed = registering.checked_method(method), registering.parse_tolerance(tolerance)
     folder = report_folder(out)
     with session.session(wanted, options.parse_speed(speed)) as run:
         session.warm_up(run)
-        scanned, _ = session.record_scan(run, folder / "scan.db")
+        scanned, _, cloud = scanning.record_scan(run, folder / "scan.db")
         if run.simulated is None:
             raise BadInput("demo runs on the simulated bench")
-        found = register_scan(run.simulated, folder / "scan.db", chosen)
-    result: dict[str, Any] = {
-        "scan": scanned,
-        "registration": found.described,
-        "truth_error": found.truth_error,
-        "report": str(folder / "report.html"),
-        "wall_s": None,
-    }
-    result["wall_s"] = round(time.perf_counter() - began, 3)
+        found = register_scan(run.simulated, cloud, chosen, allowed)
+    parts = {"scan": scanned, "registration": found.described, "truth_error": found.registered.truth_error}
+    report, wall_s = str(folder / "report.html"), round(time.perf_counter() - began, 3)
+    result: JsonObject = {**parts, "report": report, "wall_s": wall_s}
     with output.console().status("writing the report"):
-        write_folder(folder, wanted, found, result, passed=accepted(result))
+        write_folder(folder, wanted, cloud, found, {**result, "passed": accepted(result, found)})
     result["wall_s"] = round(time.perf_counter() - began, 3)
     if json:
         output.print_json(result)
     else:
         _show(result)
-    if not accepted(result):
+    if not accepted(result, found):
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
 
 
-def accepted(result: dict[str, Any]) -> bool:
-    """Get whether the demo did what it promises: laser off, verdict not ``fail``, error within the clinic's limits."""
-    error = result["truth_error"]
-    return bool(
-        result["scan"]["laser_off_verified"]
-        and result["registration"]["verdict"] != "fail"
-        and error["rotation_deg"] < ACCEPTED_ROTATION_DEG
-        and error["translation_mm"] < ACCEPTED_TRANSLATION_MM
-    )
+def _refuse_other_jobs(settings: Settings) -> None:
+    """Refuse settings that are not those of a demo.
+
+    Raises
+    ------
+    BadInput
+    """
+    if settings.bench != "simulated":
+        raise BadInput("demo runs on the simulated bench; for real devices use: picoradar scan --settings FILE")
+    if settings.simulation.get("target") not in (None, "hip"):
+        raise BadInput("demo needs the landmarks of the hip; for another target use: picoradar scan --target ...")
+    if settings.scan.rows * settings.scan.columns < MIN_POINTS:
+        raise BadInput(f"a pose needs at least {MIN_POINTS} points; give a larger --grid")
+
+
+def accepted(result: JsonObject, found: DemoRegistration) -> bool:
+    """Get whether the demo did what it promises: laser off, verdict not ``fail``, true error within the tolerance."""
+    verdict = found.registered.registration.verdict
+    return bool(result["scan"]["laser_off_verified"]) and verdict != "fail" and not found.registered.known_wrong
 
 
 def report_folder(out: Path | None) -> Path:
@@ -130,7 +134,7 @@ def _free_name() -> Path:
     return folder
 
 
-def _show(result: dict[str, Any]) -> None:
+def _show(result: JsonObject) -> None:
     scan, registration, error = result["scan"], result["registration"], result["truth_error"]
     output.print_table(
         "demo",

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import json as jsonlib
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from picoradar.instrument.cli import output
 from picoradar.instrument.cli.options import Json, parse_numbers
+from picoradar.instrument.cli.register_inputs import read_regions, read_start, read_targets
 from picoradar.instrument.errors import BadInput
+from picoradar.instrument.events import JsonObject
 
 if TYPE_CHECKING:
     from picoradar.instrument.files.points import PointFile
-    from picoradar.registration import Registration
+    from picoradar.registration import Registration, Tolerance
 
 Method = Annotated[str, typer.Option(help="robust, or dissertation (ICP of the thesis; needs landmarks or a pose).")]
 Start = Annotated[
@@ -24,6 +24,13 @@ Start = Annotated[
     typer.Option(
         help="any, landmarks, or a JSON file with a 4x4 model_from_scanner or with the directions that the scanner may "
         'look from: {"towards": [x,y,z], "half_angle_deg": 20}, model frame.'
+    ),
+]
+
+ToleranceOption = Annotated[
+    str | None,
+    typer.Option(
+        "--tolerance", help="Largest error that the verdict allows: DEG,MM of rotation and at the targets (1,1)."
     ),
 ]
 
@@ -52,6 +59,7 @@ def register(
     noise_mm: Annotated[
         float | None, typer.Option(help="Range noise of a point, mm; estimated when not given.")
     ] = None,
+    tolerance: ToleranceOption = None,
     method: Method = "robust",
     start: Start = "any",
     json: Json = False,
@@ -60,7 +68,7 @@ def register(
     import picoradar.registration as reg
     from picoradar.instrument.files.points import read_points
 
-    chosen = checked_method(method)
+    chosen, allowed = checked_method(method), parse_tolerance(tolerance)
     begin = read_start(start, landmarks)
     places = read_targets(targets)
     regions = read_regions(exclude)
@@ -83,9 +91,11 @@ def register(
         targets=places,
         noise_mm=noise_mm,
         exclude=regions,
+        tolerance=allowed,
     )
     done = time.perf_counter()
-    described = describe(result, prepare_ms=(prepared_at - began) * 1e3, register_ms=(done - prepared_at) * 1e3)
+    duration = {"prepare_ms": (prepared_at - began) * 1e3, "register_ms": (done - prepared_at) * 1e3}
+    described = describe(result, allowed, **duration)
     if json:
         output.print_json(described)
     else:
@@ -94,9 +104,32 @@ def register(
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
 
 
-def describe(result: Registration, *, prepare_ms: float, register_ms: float) -> dict[str, Any]:
+def describe(result: Registration, tolerance: Tolerance, *, prepare_ms: float, register_ms: float) -> JsonObject:
     """Describe a registration by the keys of the command's contract."""
-    return {**result.to_dict(), "prepare_ms": round(prepare_ms, 3), "register_ms": round(register_ms, 3)}
+    return {
+        **result.to_dict(),
+        "tolerance": {"rotation_deg": tolerance.rotation_deg, "target_mm": tolerance.target_mm},
+        "prepare_ms": round(prepare_ms, 3),
+        "register_ms": round(register_ms, 3),
+    }
+
+
+def parse_tolerance(text: str | None) -> Tolerance:
+    """Read ``DEG,MM``; None is what registration allows by itself.
+
+    Raises
+    ------
+    BadInput
+        When these are not two numbers above 0.
+    """
+    from picoradar.registration import Tolerance
+
+    if text is None:
+        return Tolerance()
+    rotation_deg, target_mm = parse_numbers(text, 2, "--tolerance", "DEG,MM, for example 1,1")
+    if not (rotation_deg > 0 and target_mm > 0):
+        raise BadInput(f"--tolerance {text!r}: both must be above 0; give DEG,MM, for example 1,1")
+    return Tolerance(rotation_deg, target_mm)
 
 
 def checked_method(text: str) -> Literal["robust", "dissertation"]:
@@ -113,105 +146,9 @@ def checked_method(text: str) -> Literal["robust", "dissertation"]:
     raise BadInput(f"--method {text!r}: give robust or dissertation")
 
 
-def read_list(path: Path | None, option: str) -> list[dict[str, Any]] | None:
-    """Read a JSON file that holds a list of objects.
-
-    Raises
-    ------
-    BadInput
-        With file and finding.
-    """
-    if path is None:
-        return None
-    content = _read_json(path, option)
-    if not isinstance(content, list) or not all(isinstance(entry, dict) for entry in content):
-        raise BadInput(f"{option} {path}: a JSON list of objects is needed; see picoradar register --help")
-    return content
-
-
-def read_targets(path: Path | None) -> list[dict[str, Any]] | None:
-    """Read the places where the error matters; what is wrong with them is said before the registration begins.
-
-    Raises
-    ------
-    BadInput
-        With file and finding.
-    """
-    from picoradar.registration import check_targets
-
-    return _read_checked(path, "--targets", check_targets)
-
-
-def read_regions(path: Path | None) -> list[dict[str, Any]] | None:
-    """Read the regions of the model that take no part; refused like `read_targets`."""
-    from picoradar.registration.refine import excluded_regions
-
-    return _read_checked(path, "--exclude", excluded_regions)
-
-
-def _read_checked(path: Path | None, option: str, check: Callable[[Any], object]) -> list[dict[str, Any]] | None:
-    entries = read_list(path, option)
-    _refused_in(f"{option} {path}", check, entries)
-    return entries
-
-
-def _refused_in(where: str, check: Callable[[Any], object], content: object) -> None:
-    """Let the registration check what was read; what it refuses is said with option and file."""
-    from picoradar.registration import RegistrationError
-
-    try:
-        check(content)
-    except RegistrationError as error:
-        raise BadInput(f"{where}: {error}") from error
-
-
-def read_start(start: str, landmarks: Path | None) -> Any:
-    """Turn ``--start`` and ``--landmarks`` into what `registration.register` takes.
-
-    Raises
-    ------
-    BadInput
-        When they contradict each other or a file does not hold what it should.
-    """
-    from picoradar.registration import Cone, Landmarks
-
-    pairs = read_list(landmarks, "--landmarks")
-    if pairs is not None:
-        _refused_in(f"--landmarks {landmarks}", Landmarks.from_pairs, pairs)
-    if pairs is not None and start in ("any", "landmarks"):
-        return pairs
-    if start == "any":
-        return "any"
-    if start == "landmarks":
-        raise BadInput("--start landmarks: no landmarks given; add --landmarks FILE")
-    if pairs is not None:
-        raise BadInput("--start FILE and --landmarks FILE exclude each other; give one of them")
-    pose = _read_json(Path(start), "--start")
-    if isinstance(pose, dict) and "towards" in pose:
-        _refused_in(f"--start {start}", Cone.from_mapping, pose)
-        return pose
-    if isinstance(pose, dict):
-        pose = pose.get("model_from_scanner")
-    if not (isinstance(pose, list) and len(pose) == 4 and all(isinstance(row, list) and len(row) == 4 for row in pose)):
-        raise BadInput(
-            f"--start {start}: neither a 4x4 matrix nor a cone of directions in it; give rows [[..4 numbers..], ...], "
-            'a result of register, or {"towards": [x, y, z], "half_angle_deg": a}'
-        )
-    return pose
-
-
-def _read_json(path: Path, option: str) -> Any:
-    try:
-        return jsonlib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"{option} {path}: cannot be read: {error}") from error
-    except jsonlib.JSONDecodeError as error:
-        raise BadInput(f"{option} {path}: not valid JSON: {error}") from error
-
-
 def show(points: PointFile, result: Registration) -> None:
     """Print a registration for people."""
-    rows: dict[str, Any] = {
+    rows: JsonObject = {
         "verdict": result.verdict,
         "why": "\n".join(result.reasons),
         "points used": f"{int(result.inliers.sum())} of {len(points.points)}",

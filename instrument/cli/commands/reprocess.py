@@ -1,4 +1,4 @@
-"""``picoradar reprocess``: ranges from the raw traces of a recording, computed again."""
+"""``picoradar reprocess`` (also ``rerange``): ranges from the raw traces of a recording, computed again."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from picoradar.instrument.errors import BadInput
 
 def add_to(app: typer.Typer) -> None:
     """Register the subcommand."""
-    example = "Example: picoradar reprocess scan.db -o better.db --estimator template"
-    app.command(epilog=example)(reprocess)
-    app.command("rerange", epilog=example, hidden=True)(reprocess)  # the earlier name
+    epilog = "Example: picoradar reprocess scan.db -o better.db --estimator template"
+    app.command(epilog=epilog)(reprocess)
+    app.command("rerange", epilog=epilog, hidden=True)(reprocess)  # the earlier name
 
 
 def reprocess(
@@ -28,7 +28,7 @@ def reprocess(
     json: options.Json = False,
 ) -> None:
     """Compute the ranges of a recording again, with another estimator or calibration; the old one is kept."""
-    from picoradar.instrument.acquisition import rerange as range_again
+    from picoradar.instrument import acquisition
     from picoradar.instrument.calibration import Calibration
     from picoradar.instrument.cli.commands.info import describe_recording
     from picoradar.instrument.line import ScanLine
@@ -42,7 +42,7 @@ def reprocess(
             bar.update(task, advance=1, note=f"line {line.index}")
 
         used = Calibration.load(calibration) if calibration is not None else None
-        range_again(recording, out, method=method, calibration=used, on_line=show)
+        acquisition.reprocess(recording, out, method=method, calibration=used, on_line=show)
     with Recording.open(out) as made:
         result = describe_recording(made)
     if json:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json as json_module
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from picoradar.instrument.cli import options, output
 from picoradar.instrument.errors import BadInput
+from picoradar.instrument.events import JsonObject
 
 
 def add_to(app: typer.Typer) -> None:
@@ -25,7 +26,7 @@ def resume(
 ) -> None:
     """Take the lines that are missing, with the settings, seed and calibration of the recording itself."""
     from picoradar.instrument.calibration import Calibration
-    from picoradar.instrument.cli import session
+    from picoradar.instrument.cli import scanning, session
     from picoradar.instrument.recording import Recording
     from picoradar.instrument.settings import settings_from
 
@@ -38,7 +39,7 @@ def resume(
     with session.session(settings, options.parse_speed(speed), faults=faults, calibration=calibration) as run:
         refuse_other_scanner(header, {name: str(identity) for name, identity in run.identities.items()}, recording)
         session.warm_up(run)
-        result, outcome = session.resume_scan(run, recording)
+        result, outcome, _ = scanning.resume_scan(run, recording)
     if json:
         output.print_json(result)
     else:
@@ -47,7 +48,7 @@ def resume(
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
 
 
-def refuse_other_scanner(header: dict[str, Any], found: dict[str, str], recording: Path) -> None:
+def refuse_other_scanner(header: JsonObject, found: dict[str, str], recording: Path) -> None:
     """Refuse to go on with other devices than those that the scan was begun with.
 
     Raises

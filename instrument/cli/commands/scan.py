@@ -41,7 +41,7 @@ def scan(
     json: options.Json = False,
 ) -> None:
     """Warm up, take one scan into a recording, and leave the laser verified off."""
-    from picoradar.instrument.cli import session
+    from picoradar.instrument.cli import scanning, session
 
     wanted = options.scan_settings(
         settings,
@@ -62,7 +62,7 @@ def scan(
         session.session(wanted, options.parse_speed(speed), written, faults=faults) as run,
     ):
         session.warm_up(run)
-        result, outcome = session.record_scan(run, path)
+        result, outcome, _ = scanning.record_scan(run, path)
     if json:
         output.print_json(result)
     else:

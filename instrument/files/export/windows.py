@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from picoradar.instrument.files.export.errors import ExportError
 from picoradar.instrument.line import PULSES, LineWindows
-from picoradar.instrument.recording import Recording
+from picoradar.instrument.recording import Recording, in_fs
 
 
 def window_arrays(recording: Recording) -> Iterator[tuple[str, NDArray[np.generic]]]:
@@ -39,8 +39,9 @@ def window_arrays(recording: Recording) -> Iterator[tuple[str, NDArray[np.generi
     for name, kind in (("column", np.int32), ("retaken", np.uint8), ("clipped", np.uint8)):
         values = [getattr(windows, "columns" if name == "column" else name) for windows in lines]
         yield name, np.repeat(np.concatenate(values), PULSES).astype(kind)
-    for name in ("start_fs", "step_fs", "sweeps"):
-        yield name, np.concatenate([getattr(windows, name).ravel() for windows in lines])
+    yield "start_fs", np.concatenate([in_fs(windows.start_ps).ravel() for windows in lines])
+    yield "step_fs", np.concatenate([in_fs(windows.step_ps).ravel() for windows in lines])
+    yield "sweeps", np.concatenate([windows.sweeps.ravel() for windows in lines])
     yield "samples", samples
     yield "first", np.cumsum(samples, dtype=np.int64) - samples
     yield "sums", np.concatenate([windows.sums for windows in lines])

@@ -28,7 +28,7 @@ from picoradar.instrument.procedures.geometry.planes import (
 
 OFFSET_SD_MM = 0.05  # of the stage's scale
 ROUNDS, STEPS = 6, 20
-LEAST_SCALE = 0.1  # of residuals to their noise: below, rounding would be taken for noise
+MIN_SCALE = 0.1  # of residuals to their noise: below, rounding would be taken for noise
 CUT = 4.0  # standard deviations; loses 6e-5 of good points
 CAUCHY = 2.385
 KNOWN_SHARE = 1 / 3  # a parameter counts as identified when the planes leave a third of its prior uncertainty, or less
@@ -129,7 +129,7 @@ def fit_planes(scans: Sequence[PlaneScan], before: Calibration) -> PlaneFit:
         seen = _seen(scans, vector, zero_mm)
         sigma = _noise(scans, seen, before)
         off = np.abs(np.concatenate([s.off_mm for s in seen])) / sigma
-        scale = max(1.4826 * float(np.median(off)), LEAST_SCALE)
+        scale = max(1.4826 * float(np.median(off)), MIN_SCALE)
         inliers = off < CUT * scale
         weights = inliers.astype(np.float64) if number >= ROUNDS // 2 else 1.0 / (1.0 + (off / (CAUCHY * scale)) ** 2)
         vector = _minimised(scans, vector, prior, zero_mm, np.sqrt(weights) / (scale * sigma), sizes)
@@ -169,9 +169,9 @@ def _system(
     residual, rows = stacked(scans, vector, zero_mm)
     values, planes = split(vector)
     identity = np.eye(len(vector))
-    told = [(number, scan.offset_mm) for number, scan in enumerate(scans) if scan.offset_mm is not None]
-    offsets = np.array([(planes[number, 2] - offset) / OFFSET_SD_MM for number, offset in told])
-    offset_rows = identity[[COUNT + 3 * number + 2 for number, _ in told]] / OFFSET_SD_MM
+    reported = [(number, scan.offset_mm) for number, scan in enumerate(scans) if scan.offset_mm is not None]
+    offsets = np.array([(planes[number, 2] - offset) / OFFSET_SD_MM for number, offset in reported])
+    offset_rows = identity[[COUNT + 3 * number + 2 for number, _ in reported]] / OFFSET_SD_MM
     return (
         np.concatenate([residual * weights, (values - prior) / SIZES, offsets]),
         np.concatenate([rows * weights[:, None], identity[:COUNT] / SIZES[:, None], offset_rows]),
@@ -189,7 +189,7 @@ def _described(
     residual, rows = stacked(scans, vector, zero_mm)
     seen = _seen(scans, vector, zero_mm)
     sigma, across = _noise(scans, seen, before), np.concatenate([s.across for s in seen])
-    factor = max(float(np.sqrt(np.mean((residual[inliers] / sigma[inliers]) ** 2))), LEAST_SCALE)
+    factor = max(float(np.sqrt(np.mean((residual[inliers] / sigma[inliers]) ** 2))), MIN_SCALE)
     _, system = _system(scans, vector, prior, zero_mm, inliers / (factor * sigma))
     scaled = system * sizes
     covariance = np.asarray(np.linalg.inv(scaled.T @ scaled), dtype=np.float64)[:COUNT, :COUNT] * np.outer(SIZES, SIZES)

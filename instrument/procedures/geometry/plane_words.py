@@ -12,7 +12,10 @@ from picoradar.instrument.procedures.geometry.planes import PARAMETERS
 
 def in_words(fit: PlaneFit) -> list[str]:
     """Say each parameter with its uncertainty, or that these poses do not identify it."""
-    return [_sentence(*row) for row in zip(PARAMETERS, fit.values, fit.sd, fit.identified, strict=True)]
+    return [
+        _sentence(name, value, sd) if identified else f"{named(name)}: these poses do not identify it"
+        for name, value, sd, identified in zip(PARAMETERS, fit.values, fit.sd, fit.identified, strict=True)
+    ]
 
 
 def named(parameter: str) -> str:
@@ -20,10 +23,8 @@ def named(parameter: str) -> str:
     return _WORDS[parameter][0]
 
 
-def _sentence(name: str, value: float, sd: float, identified: bool) -> str:
+def _sentence(name: str, value: float, sd: float) -> str:
     words, unit, factor = _WORDS[name]
-    if not identified:
-        return f"{words}: these poses do not identify it"
     digits = max(0, 1 - math.floor(math.log10(factor * sd)))
     return f"{words}: {factor * value:.{digits}f} ± {factor * sd:.{digits}f}{unit}"
 

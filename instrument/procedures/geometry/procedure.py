@@ -17,14 +17,13 @@ from picoradar.instrument.procedures.geometry.planes import PlaneScan, fitted_pl
 from picoradar.instrument.procedures.geometry.report import describe
 from picoradar.instrument.procedures.station.findings import lost_readings, refused
 from picoradar.instrument.procedures.station.outcome import Outcome
-from picoradar.instrument.procedures.station.records import cloud_of
 from picoradar.instrument.procedures.station.stage import Placing
 from picoradar.instrument.procedures.station.station import Station
 
 NAME = "geometry"
 FIELD_SHARE = 0.87  # of the scanner's field that a scan covers, with room for offsets of the mirrors
 WANTED_GRAY = 0.70  # reflectance that gives about 50 mV at 1 m, where the timing walk is flat
-LEAST_INLIERS = 0.8
+MIN_INLIERS = 0.8
 MISPLACED_MM = 40.0  # a scanner that is 1 deg off sees a plate turned by 55 deg 20 mm off
 FLAT_FACTOR = 2.0  # noise about the planes over the ranging noise: above, what stands there is not flat
 REMEDY = "Put the flat plate up in the poses asked for, so that it fills the scan, and run this again."
@@ -62,7 +61,7 @@ def run(
     station.progress(1.0, "fitting")
     before = station.calibration
     fit = fit_planes(taken[:-1], before)
-    if fit.inliers.mean() < LEAST_INLIERS or fit.noise_factor > FLAT_FACTOR:
+    if fit.inliers.mean() < MIN_INLIERS or fit.noise_factor > FLAT_FACTOR:
         return refused(NAME, _not_flat(fit.noise_factor, float(fit.inliers.mean())), REMEDY)
     how = f"bench procedure {NAME}: plate in {len(poses)} poses, {points_a_side} x {points_a_side} points each"
     calibration = station.stamped(fit.applied_to(before), f"{how}, {station.stage}; before: {before.provenance}")
@@ -78,10 +77,10 @@ def _measured(
     about_x, about_y = (math.cos(math.radians(tilt)) for tilt in pose.tilt_deg)
     gray = WANTED_GRAY * (pose.distance_mm / 1000.0) ** 2 / (about_x * about_y)
     placed = Placing("plate", pose.distance_mm, pose.tilt_deg, gray=round(min(gray, 0.95), 2))
-    told_mm = station.stage.place(placed)
+    reported_mm = station.stage.place(placed)
     half_rad = FIELD_SHARE * math.radians(station.settings.scanner.field_deg) / 2
     half_rad /= 1.0 + 2.0 / (points_a_side - 1)  # lines begin a step outside
-    path = station.scan(
+    measured = station.scan(
         f"pose-{number + 1:02d}",
         rows=points_a_side,
         columns=points_a_side,
@@ -89,15 +88,15 @@ def _measured(
         distance_mm=pose.distance_mm,
         averages=averages,
     )
-    every = cloud_of(path, station.best_method, station.calibration)
+    every = measured.reprocessed(station.best_method, station.calibration)
     cloud = every.with_range()
-    offset_mm = told_mm if pose.square else None
+    offset_mm = reported_mm if pose.square else None
     scan = PlaneScan(cloud.angles_rad, cloud.range_mm, cloud.range_variance_mm2, offset_mm)
     finding = lost_readings(len(cloud), len(every), f"the plate at {pose}")
-    return scan, finding or _misplaced(scan, pose, told_mm, station.calibration)
+    return scan, finding or _misplaced(scan, pose, reported_mm, station.calibration)
 
 
-def _misplaced(scan: PlaneScan, pose: Pose, told_mm: float, calibration: Calibration) -> str:
+def _misplaced(scan: PlaneScan, pose: Pose, reported_mm: float, calibration: Calibration) -> str:
     """Say that the target is no plate, or stands otherwise than asked for; empty when it fits."""
     where = points(scan, values_of(calibration), calibration.range_zero_mm)
     a, b, _ = plane = fitted_plane(where)
@@ -106,8 +105,10 @@ def _misplaced(scan: PlaneScan, pose: Pose, told_mm: float, calibration: Calibra
     if float(np.median(np.abs(off))) > 1.0:
         return f"What stands at {pose} is not flat: half of its points are more than 1 mm off the best plane."
     middle_mm = float(plane[2] / normal[2])
-    if abs(middle_mm - told_mm) > MISPLACED_MM:
-        return f"The plate asked for at {pose} was found at {middle_mm:.1f} mm: move it, or mend the distance told."
+    if abs(middle_mm - reported_mm) > MISPLACED_MM:
+        return (
+            f"The plate asked for at {pose} was found at {middle_mm:.1f} mm: move it, or correct the distance reported."
+        )
     return ""
 
 

@@ -16,7 +16,6 @@ from picoradar.instrument.procedures.gray_target.level import FloatArray, Level
 from picoradar.instrument.procedures.gray_target.report import judged
 from picoradar.instrument.procedures.station.findings import lost_readings, refused
 from picoradar.instrument.procedures.station.outcome import Outcome
-from picoradar.instrument.procedures.station.records import traces_of
 from picoradar.instrument.procedures.station.stage import Placing
 from picoradar.instrument.procedures.station.station import Station
 from picoradar.instrument.ranging import estimate, fit_walk, learn
@@ -25,7 +24,7 @@ NAME = "gray-target"
 WALK_FREE_MV = 40.0  # the range zero is taken above: there the walk is flat (figure 2.15)
 WHITE, DARKEST = 0.9, 0.083  # reflectances
 DISTANCE_MM = 800.0  # white gives 100 mV there, a tenth below the end of the A/D: all that a scan can meet is covered
-LEAST_SPAN = 2.5  # brightest over darkest response: less is no gray wedge
+MIN_SPAN = 2.5  # brightest over darkest response: less is no gray wedge
 REFERENCE_ROOM_PS = 400.0  # rate, voltage and temperature move it by some 200 ps
 REMEDY = "Put gray cards between white and black at the stated distance, square to the beam, and run this again."
 
@@ -67,8 +66,7 @@ def wedge(white: float, darkest: float, cards: int) -> FloatArray:
 def measure(station: Station, name: str, distance_mm: float, gray: float, readings: int) -> Level:
     """Put one card up and take its readings."""
     true_mm = station.stage.place(Placing("card", distance_mm, gray=gray))
-    records = traces_of(station.stare(name, readings))
-    return Level(gray, true_mm, records.traces_mv, records.times_ps, records.sweeps)
+    return Level(gray, true_mm, station.dwell(name, readings).trace)
 
 
 def calibrate(levels: Sequence[Level], before: Calibration) -> Calibration:
@@ -79,7 +77,7 @@ def calibrate(levels: Sequence[Level], before: Calibration) -> Calibration:
     BadInput
         When no card is bright enough for the range zero, or the cards are too few or too much alike.
     """
-    times, sweeps = levels[0].times_ps, levels[0].sweeps
+    times, sweeps = levels[0].trace.times_ps, levels[0].trace.sweeps
     templates, noise = learn([level.traces_mv for level in levels], times, sweeps=sweeps)
     bare = _bare(before).model_copy(update={"range_zero_mm": 0.0, "templates": templates, "noise": noise})
     errors = {method: [level.ranges(method, bare) for level in levels] for method in METHODS}
@@ -115,7 +113,7 @@ def no_wedge(levels: Sequence[Level], calibration: Calibration) -> str:
     bare = _bare(calibration)
     means: FloatArray = np.array([np.median(level.ranges("half-maximum", bare)[0]) for level in levels])
     span = float(means.max() / means.min())
-    if span < LEAST_SPAN:
+    if span < MIN_SPAN:
         return f"The responses differ by a factor of {span:.2f} only: this is no series of gray cards (a plain plate?)."
     if np.any(np.diff(means) > 0.05 * means[:-1]):
         return "The responses do not fall from card to card: the cards stand in another order than asked for."

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 NAME = "templates"
 WHITE, DARKEST = 0.9, 0.1
-LEAST_GAIN = 2.0  # in standard deviation over the half-maximum estimator
+MIN_GAIN = 2.0  # in standard deviation over the half-maximum estimator
 REMEDY = "Put gray cards between white and black at one place, square to the beam, and run this again."
 
 
@@ -54,7 +54,9 @@ def run(station: Station, *, distance_mm: float = DISTANCE_MM, levels: int = 6, 
     if wrong := no_wedge(measured, before):
         return refused(NAME, wrong, REMEDY)
     learnt = measured[0::2]
-    shapes, noise = learn([level.traces_mv for level in learnt], learnt[0].times_ps, sweeps=learnt[0].sweeps)
+    shapes, noise = learn(
+        [level.traces_mv for level in learnt], learnt[0].trace.times_ps, sweeps=learnt[0].trace.sweeps
+    )
     walk = {method: curve for method, curve in before.walk.items() if method != "template"}
     how = f"bench procedure {NAME}: {levels} cards x {readings} readings, {station.stage}; before: {before.provenance}"
     after = station.stamped(before, how, templates=shapes, noise=noise, walk=walk)
@@ -69,7 +71,7 @@ def _judged(held: list[Level], after: Calibration, shapes: Templates) -> Outcome
         rows.append((level.gray, by_shape[0].mean(), half[1].std(ddof=1), by_shape[1].std(ddof=1)))
     table = np.array(rows)
     gain = float(np.min(table[:, 2] / table[:, 3]))
-    passed = gain >= LEAST_GAIN
+    passed = gain >= MIN_GAIN
     figures: dict[str, float | int | str | bool | None] = {
         "least_gain_in_sd": gain,
         "half_maximum_sd_brightest_mm": float(table[0, 2]),
@@ -101,7 +103,7 @@ def _judged(held: list[Level], after: Calibration, shapes: Templates) -> Outcome
     )
 
 
-_SHAPES = "Reference and echoes at unit peak about their 50 % point: a weaker echo rises more slowly (S 2.6.2)."
+_SHAPES = "Reference and echoes at unit peak about their 50 % point: a weaker echo rises more slowly (section 2.6.2)."
 _SCATTER = "Standard deviation of one reading on the cards held back, against the response."
 
 

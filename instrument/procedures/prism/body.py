@@ -36,7 +36,7 @@ class Distances(NamedTuple):
     splatted: FloatArray
 
 
-def model_places() -> FloatArray:
+def model_points() -> FloatArray:
     """Return the points (41, 81, 3) of the model on its two faces."""
     half = HALF_MM - MARGIN_MM
     y, x = np.meshgrid(np.linspace(half, -half, ROWS), np.linspace(-half, half, COLUMNS), indexing="ij")
@@ -66,7 +66,7 @@ def splatted(points: FloatArray) -> FloatArray:
     same spacing would give a body `SPLAT_THICKNESS_MM` thick to each side. So it says as much of the splat as of the
     points: exact ones give 0.5 mm.
     """
-    model = model_places().reshape(-1, 3)
+    model = model_points().reshape(-1, 3)
     inner = (np.abs(model[:, 0]) > 3.0) & (np.abs(model[:, 0]) < 17.0) & (np.abs(model[:, 1]) < 17.0)
     origins = model[inner]
     side = np.sign(origins[:, 0])

@@ -16,7 +16,6 @@ from picoradar.instrument.procedures.prism import body
 from picoradar.instrument.procedures.prism.pictures import draw_distances, draw_map
 from picoradar.instrument.procedures.station.findings import lost_readings, refused
 from picoradar.instrument.procedures.station.outcome import Outcome, Plot, Readings
-from picoradar.instrument.procedures.station.records import cloud_of, ranged_again, traces_of
 from picoradar.instrument.procedures.station.stage import Placing
 from picoradar.instrument.procedures.station.station import Station
 from picoradar.instrument.recording import Cloud
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
     from picoradar.registration import Model
 
 NAME = "prism"
-WITHIN_MM, LEAST_SHARE_WITHIN = 1.0, 0.95  # along the beam (figure 4.16: 97 %)
+WITHIN_MM, MIN_SHARE_WITHIN = 1.0, 0.95  # along the beam (figure 4.16: 97 %)
 GOAL_LARGEST_MM, GOAL_MEAN_MM = 0.5, 0.12  # along the beam; perpendicular
 SPOT_RADIUS_MM = 0.5
 RIGHT_BODY_MM = 2.0
@@ -86,19 +85,18 @@ def run(station: Station, *, distance_mm: float = 900.0, averages: int = 8, thin
     from picoradar.registration import prepare_model
 
     station.progress(0.0, "scan")
-    told_mm = station.stage.place(Placing("prism", distance_mm))
-    start = body.model_from_scanner_at(told_mm)
-    places = body.model_places()[::thin, ::-thin]
-    wanted = (places - start[:3, 3]) @ start[:3, :3]  # the rotation's inverse is its transpose
-    path = station.aim("prism", wanted, averages=averages)
-    cloud, records = cloud_of(path), traces_of(path)
-    if lost := lost_readings(int(cloud.has_range.sum()), len(cloud), "the prism"):
+    reported_mm = station.stage.place(Placing("prism", distance_mm))
+    start = body.model_from_scanner_at(reported_mm)
+    points = body.model_points()[::thin, ::-thin]
+    wanted = (points - start[:3, 3]) @ start[:3, :3]  # the rotation's inverse is its transpose
+    measured = station.aim("prism", wanted, averages=averages)
+    if lost := lost_readings(int(measured.cloud.has_range.sum()), len(measured.cloud), "the prism"):
         return refused(NAME, lost, REMEDY)
     station.progress(0.9, "registration")
     model = prepare_model(body.VERTICES, body.FACES)
     evaluations = []
     for title, method, calibration in _ways(station.calibration):
-        seen = ranged_again(cloud, records, method, calibration).with_range()
+        seen = measured.reprocessed(method, calibration).with_range()
         evaluations.append(_evaluated(title, seen, calibration, model, start))
     best = evaluations[-1]
     if float(np.median(np.abs(best.distances.perpendicular))) > RIGHT_BODY_MM or best.turn_deg > LARGEST_TURN_DEG:
@@ -146,7 +144,7 @@ def _judged(evaluations: list[Evaluation]) -> Outcome:
     figures["points_on_one_face"] = int(best.on_one_face.sum())
     figures["goal_reached"] = goal
     figures["goal_reached_on_one_face"] = goal_on_face
-    passed = share >= LEAST_SHARE_WITHIN
+    passed = share >= MIN_SHARE_WITHIN
     findings = [
         f"{100 * share:.1f} % of {len(best.points_mm)} points lie within 1 mm of the prism along the beam "
         f"({best.title}); the largest distance is {largest:.2f} mm. The dissertation had 97 % and 1.3 mm.",

@@ -1,4 +1,4 @@
-"""`scanner`: commanded against true place of the beam on a scale, at 1 mm steps and after a fly-back (S 2.6.2).
+"""`scanner`: commanded against true place of the beam on a scale, at 1 mm steps and after a fly-back (section 2.6.2).
 
 The spot is read on a scale, for example by a camera that sees a pilot beam; the radar's laser stays off. A person
 reads the places, but not the settling, which is over in milliseconds.
@@ -61,8 +61,8 @@ def run(station: Station, *, distance_mm: float = 1000.0, steps: int = 40, repea
     repeats : int
         Readings at each waiting time.
     """
-    told_mm = station.stage.place(Placing("scale", distance_mm))
-    beam = _Beam(station, told_mm)
+    reported_mm = station.stage.place(Placing("scale", distance_mm))
+    beam = _Beam(station, reported_mm)
     try:
         along = _walk(station, beam, steps)
         if not np.isfinite(along).all():

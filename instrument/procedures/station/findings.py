@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from picoradar.instrument.procedures.station.outcome import Outcome, Readings
 
-LEAST_SHARE = 0.75  # of the readings that must carry an echo, lest those that are left be a selection
+MIN_SHARE = 0.75  # of the readings that must carry an echo, lest those that are left be a selection
 
 
 def lost_readings(found: int, asked: int, what: str) -> str:
     """Say that too many readings have no echo; empty when enough have one."""
-    if found >= LEAST_SHARE * asked:
+    if found >= MIN_SHARE * asked:
         return ""
     lost = asked - found
     reason = "the lid is closed, or nothing stands within the range" if found == 0 else "look at beam, target and laser"

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pydantic import BaseModel
 
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.procedures.station.outcome import Outcome, Plot
 from picoradar.instrument.recording import plain, versions
 from picoradar.instrument.report import Banner, Page, Picture
@@ -21,7 +20,7 @@ DPI = 140
 
 def write_outcome(
     folder: Path, outcome: Outcome, *, settings: Settings, seed: int | None, simulation: BaseModel | None = None
-) -> dict[str, Any]:
+) -> JsonObject:
     """Write everything that a procedure found into a folder that exists.
 
     Parameters
@@ -49,7 +48,7 @@ def write_outcome(
         np.savetxt(folder / f"{name}.csv", table.values, delimiter=",", header=header, comments="", fmt="%.9g")
     settings_text = to_toml(settings, simulation)
     (folder / "settings.toml").write_text(settings_text, encoding="utf-8")
-    result: dict[str, Any] = plain(
+    result: JsonObject = plain(
         {
             "name": outcome.name,
             "passed": outcome.passed,
@@ -90,7 +89,7 @@ def _draw(folder: Path, plot: Plot) -> Picture:
     return Picture(path, plot.title, plot.caption)
 
 
-def _page(outcome: Outcome, pictures: list[Picture], provenance: Mapping[str, Any], settings_text: str) -> Page:
+def _page(outcome: Outcome, pictures: list[Picture], provenance: JsonObject, settings_text: str) -> Page:
     kind, symbol, word = ("pass", "✔", "PASSED") if outcome.passed else ("fail", "✘", "NOT PASSED")
     banners = [Banner(kind, symbol, word, outcome.findings), Banner("plain", "➜", "Next", [outcome.next_step])]
     shown = [(name, "could not be had" if value is None else _shown(value)) for name, value in outcome.figures.items()]

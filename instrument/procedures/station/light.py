@@ -1,11 +1,11 @@
-"""Light at other working points than that of the settings: a job for the controller that looks at the laser itself."""
+"""Light at other working points than that of the settings: a job for the controller that measures the laser itself."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from picoradar.drivers.clock import Clock
 from picoradar.drivers.interfaces import Galvo, Record, Sampler, SweepSettings
 from picoradar.instrument.controller import Between
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import ScanLine
 
 FloatArray = NDArray[np.float64]
 Wait = Callable[[Callable[[], bool]], None]
-WATCH_LOOK_S = 0.5  # from one look at the interlocks to the next while a meter is read with the laser on
+POLL_S = 0.5  # from one poll of the interlocks to the next while a meter is read with the laser on
 SWEEP = SweepSettings(start_ps=3000.0, step_ps=2.5, samples=1400, averages=64, settle_shots=0, prf_hz=20_000.0)
 
 
@@ -68,10 +69,10 @@ class LightJob:
 
     @property
     def reference(self) -> tuple[float, float | None]:
-        """Get the reference: the job does not look at it, and calls it ordinary lest the laser be stopped."""
+        """Get the reference: the job does not measure it, and calls it ordinary lest the laser be stopped."""
         return ORDINARY_REFERENCE_MV, None
 
-    def memory(self) -> dict[str, Any]:
+    def state_dict(self) -> JsonObject:
         """Get what the next line needs to know: nothing."""
         return {}
 
@@ -87,14 +88,13 @@ class LightJob:
         """Read the meters."""
         between()
         record = self._meters.trace(self._sweep)
-        trace = (record.sums / record.sweeps - record.zero_code) * record.mv_per_code
 
         def wait(until: Callable[[], bool]) -> None:
-            while not self._clock.wait(until, WATCH_LOOK_S):
+            while not self._clock.wait(until, POLL_S):
                 between()
 
         power_mw = self._meters.mean_power_mw(self._where, wait)
-        self.light = Light(np.asarray(trace), np.asarray(record.times_ps), power_mw)
+        self.light = Light(record.trace.mv, np.asarray(record.times_ps), power_mw)
         nothing = np.empty(0)
         return ScanLine(
             index=row,
@@ -106,7 +106,7 @@ class LightJob:
             range_variance_mm2=nothing,
             response_mv=nothing,
             flags=np.empty(0, dtype=np.uint16),
-            sums=None,
+            traces=None,
             sweeps=1,
             device_time_s=float(record.device_time_us) * 1e-6,
         )
@@ -127,6 +127,6 @@ class NoStore:
     def event(self, time_s: float, kind: str, *, state: str | None = None, **fields: object) -> None:
         """Take note of nothing."""
 
-    def finish(self, stop_reason: str, laser_off_verified: bool, **summary: object) -> bool:  # noqa: ARG002
+    def finish(self, stop_reason: str, *, laser_off_verified: bool, **summary: object) -> bool:  # noqa: ARG002
         """Close."""
         return True

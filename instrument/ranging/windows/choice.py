@@ -6,9 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from picoradar.drivers.traces import Window
 from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.errors import BadInput
-from picoradar.instrument.ranging.windows.fit import Window, promised_sd_mm
+from picoradar.instrument.ranging.windows.fit import promised_sd_mm
+from picoradar.instrument.settings import MIN_DISTANCE
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ class PlanSettings:
     """
 
     wanted_sd_mm: float = 0.2
-    nearest_mm: float = 620.0
+    nearest_mm: float = MIN_DISTANCE.value
     farthest_mm: float = 1200.0
     settle_shots: int = 16
     steps_ps: tuple[float, ...] = (26.8, 20.1, 13.4, 10.0, 6.7, 5.0)

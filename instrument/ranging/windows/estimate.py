@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from picoradar.drivers.traces import Window
 from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.line import Flag
@@ -19,7 +20,7 @@ from picoradar.instrument.ranging.settings import RangingSettings
 from picoradar.instrument.ranging.shape_table import ShapeTable
 from picoradar.instrument.ranging.template import bad_fit, combine, shapes_of, tables, unreliable
 from picoradar.instrument.ranging.template_fit import PulseFit, fit_pulses
-from picoradar.instrument.ranging.windows.fit import Place, Window
+from picoradar.instrument.ranging.windows.fit import Place
 from picoradar.instrument.ranging.windows.traces import WindowTraces
 
 FloatArray = NDArray[np.float64]

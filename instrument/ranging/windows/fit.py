@@ -1,4 +1,4 @@
-"""`Window` and `Place`: the pieces of trace that SBP 1.1 takes, and the range uncertainty that they promise."""
+"""`Place`: the two windows of a place of the raster; and the range uncertainty that windows promise."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from picoradar.drivers.traces import Window
 from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.ranging.pair import to_ranges
 from picoradar.instrument.ranging.settings import RangingSettings
@@ -16,32 +17,6 @@ from picoradar.instrument.ranging.template import combine, shapes_of, tables
 from picoradar.instrument.ranging.template_fit import PulseFit
 
 FloatArray = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Window:
-    """One window of a record (an entry of the table of SBP 1.1, section 10).
-
-    Attributes
-    ----------
-    start_ps, step_ps : float
-        First sampling instant after the trigger, and step.
-    samples, sweeps : int
-    """
-
-    start_ps: float
-    step_ps: float
-    samples: int
-    sweeps: int
-
-    def shots(self, settle_shots: int) -> int:
-        """Get the laser shots that it takes: sweeps x (settle + samples)."""
-        return self.sweeps * (settle_shots + self.samples)
-
-    @property
-    def end_ps(self) -> float:
-        """Get the last sampling instant."""
-        return self.start_ps + self.step_ps * (self.samples - 1)
 
 
 @dataclass(frozen=True)

@@ -21,13 +21,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from picoradar.drivers.traces import Window
 from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.line import NO_RANGE, Flag
 from picoradar.instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, Ranges
 from picoradar.instrument.ranging.template import shapes_of
 from picoradar.instrument.ranging.windows.choice import PlanSettings, cheapest_windows
-from picoradar.instrument.ranging.windows.fit import Place, Window
+from picoradar.instrument.ranging.windows.fit import Place
 
 FloatArray = NDArray[np.float64]
 

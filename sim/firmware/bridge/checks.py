@@ -12,7 +12,7 @@ from picoradar.drivers.bridge.sbp import (
     ConfigFlag,
     Configuration,
     ErrorCode,
-    Window,
+    WindowEntry,
     decode_windows,
 )
 
@@ -60,7 +60,9 @@ def check_configuration(data: bytes, caps: Caps) -> Configuration:
         raise Refused(error.code, int.from_bytes(data[2:4], "little")) from error
     windows = caps.version >= VERSION_1_1 and bool(configuration.flags & ConfigFlag.WINDOWS)
     if not windows:  # otherwise the window table has them
-        sweep = Window(configuration.start_fs, configuration.step_fs, configuration.samples, configuration.averages)
+        sweep = WindowEntry(
+            configuration.start_fs, configuration.step_fs, configuration.samples, configuration.averages
+        )
         check_window(sweep, configuration.prf_hz, caps)
     if not caps.prf_min_hz <= configuration.prf_hz <= caps.prf_max_hz:
         raise Refused(ErrorCode.PRF_RANGE, configuration.prf_hz)
@@ -72,7 +74,7 @@ def check_configuration(data: bytes, caps: Caps) -> Configuration:
     return configuration
 
 
-def check_windows(data: bytes, prf_hz: int, caps: Caps) -> list[tuple[Window, ...]]:
+def check_windows(data: bytes, prf_hz: int, caps: Caps) -> list[tuple[WindowEntry, ...]]:
     """Read the block of SET_WINDOWS and check its entries.
 
     Parameters
@@ -107,7 +109,7 @@ def check_windows(data: bytes, prf_hz: int, caps: Caps) -> list[tuple[Window, ..
     return table
 
 
-def check_window(window: Window, prf_hz: int, caps: Caps) -> None:
+def check_window(window: WindowEntry, prf_hz: int, caps: Caps) -> None:
     """Check start, step, samples and sweeps.
 
     Parameters

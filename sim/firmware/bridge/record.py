@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.drivers.bridge.sbp import ConfigFlag, Configuration, Format, Frame, FrameFlag, Gate, Window
+from picoradar.drivers.bridge.sbp import ConfigFlag, Configuration, Format, Frame, FrameFlag, Gate, WindowEntry
 from picoradar.sim.firmware.bridge.gate import TriggerGate
 from picoradar.sim.wires import Acquisition, SignalSource
 
@@ -24,7 +24,7 @@ class Record:
     ----------
     run_id, repeat, number : int
         Run id, number of earlier deliveries of this run id, and record number.
-    windows : tuple of Window
+    windows : tuple of WindowEntry
         A record of version 1.0 is one window.
     configuration : Configuration
     config_crc : int
@@ -39,7 +39,7 @@ class Record:
     run_id: int
     repeat: int
     number: int
-    windows: tuple[Window, ...]
+    windows: tuple[WindowEntry, ...]
     configuration: Configuration
     config_crc: int
     run_start_s: float
@@ -52,7 +52,7 @@ class Record:
         """Get the clock time when the last shot has been fired."""
         return self.start_s + sum(w.sweeps * self._per_sweep(w) for w in self.windows) / self.prf_hz
 
-    def pieces(self, now_s: float) -> Iterator[tuple[int, Window, int, float]]:
+    def pieces(self, now_s: float) -> Iterator[tuple[int, WindowEntry, int, float]]:
         """Yield number, window, sweeps completed until ``now_s`` and start (s) of each window that has any."""
         shots = int((now_s - self.start_s) * self.prf_hz + 1e-3)
         start_s = self.start_s
@@ -64,8 +64,34 @@ class Record:
             shots -= window.sweeps * per_sweep
             start_s += window.sweeps * per_sweep / self.prf_hz
 
-    def _per_sweep(self, window: Window) -> int:
+    def _per_sweep(self, window: WindowEntry) -> int:
         return self.configuration.settle_shots + window.samples
+
+
+class WindowTable:
+    """Windows of the records to come, a row a record.
+
+    Attributes
+    ----------
+    row : int
+        Of the next record.
+    """
+
+    def __init__(self) -> None:
+        self.row = 0
+        self._rows: list[tuple[WindowEntry, ...]] = []
+
+    def fill(self, rows: list[tuple[WindowEntry, ...]]) -> None:
+        """Begin with other rows."""
+        self._rows, self.row = rows, 0
+
+    def windows(self, c: Configuration | None) -> tuple[WindowEntry, ...]:
+        """Get the windows of the next record under a configuration; empty when the table is used up."""
+        if c is None:
+            return ()
+        if c.flags & ConfigFlag.WINDOWS:
+            return self._rows[self.row] if self.row < len(self._rows) else ()
+        return (WindowEntry(c.start_fs, c.step_fs, c.samples, c.averages),)
 
 
 class RecordTaker:
@@ -110,7 +136,7 @@ class RecordTaker:
         return frames
 
     def _sums(
-        self, record: Record, number: int, window: Window, sweeps: int, start_s: float
+        self, record: Record, number: int, window: WindowEntry, sweeps: int, start_s: float
     ) -> tuple[NDArray[np.uint32], FrameFlag]:
         """Get the sums of the codes of one window, and the flags of its frames."""
         if record.configuration.flags & ConfigFlag.TEST_PATTERN:

@@ -8,11 +8,20 @@ from __future__ import annotations
 
 from collections import Counter
 
-from picoradar.drivers.bridge.sbp import Caps, ConfigFlag, Configuration, ErrorCode, EventKind, FrameFlag, State, Window
+from picoradar.drivers.bridge.sbp import (
+    Caps,
+    ConfigFlag,
+    Configuration,
+    ErrorCode,
+    EventKind,
+    FrameFlag,
+    State,
+    WindowEntry,
+)
 from picoradar.drivers.clock import Clock, Timer
 from picoradar.sim.firmware.bridge.gate import TriggerGate
 from picoradar.sim.firmware.bridge.queue import FrameQueue
-from picoradar.sim.firmware.bridge.record import Record, RecordTaker
+from picoradar.sim.firmware.bridge.record import Record, RecordTaker, WindowTable
 from picoradar.sim.firmware.bridge.reports import Reports
 from picoradar.sim.wires import SignalSource, TriggerLine
 
@@ -58,8 +67,7 @@ class Acquirer:
         self._reports = reports
         self._config_crc = 0
         self._deliveries: Counter[int] = Counter()
-        self._table: list[tuple[Window, ...]] = []
-        self._table_row = 0
+        self._table = WindowTable()
         self._run_start_s = 0.0
         self._record: Record | None = None
         self._next_flags = FrameFlag(0)
@@ -81,13 +89,11 @@ class Acquirer:
         """Activate a checked configuration (None: drop the present one)."""
         self.configuration = configuration
         self._config_crc = crc
-        self._table = []
-        self._table_row = 0
+        self._table.fill([])
 
-    def set_windows(self, table: list[tuple[Window, ...]]) -> None:
+    def set_windows(self, table: list[tuple[WindowEntry, ...]]) -> None:
         """Activate a checked table of windows; a run that waits for one continues."""
-        self._table = table
-        self._table_row = 0
+        self._table.fill(table)
         if self.state is State.WAIT:
             self._seek_start()
 
@@ -148,7 +154,7 @@ class Acquirer:
         """Begin the next record if everything is there; try again soon if only the trigger is missing."""
         self._cancel()
         configuration = self.configuration
-        windows = self._next_windows()
+        windows = self._table.windows(configuration)
         if configuration is None or not windows:
             return
         if configuration.flags & ConfigFlag.ADVANCE and not self._edge_waits:
@@ -172,15 +178,6 @@ class Acquirer:
         )
         self._enter(State.RUNNING)
         self._timer = self._clock.call_at(self._record.end_s, self._end_record)
-
-    def _next_windows(self) -> tuple[Window, ...]:
-        """Get the windows of the next record; empty when the table is used up."""
-        c = self.configuration
-        if c is None:
-            return ()
-        if c.flags & ConfigFlag.WINDOWS:
-            return self._table[self._table_row] if self._table_row < len(self._table) else ()
-        return (Window(c.start_fs, c.step_fs, c.samples, c.averages),)
 
     def _check_rate(self, configuration: Configuration) -> None:
         off = abs(self.prf_hz - configuration.prf_hz) > RATE_TOLERANCE * configuration.prf_hz
@@ -216,7 +213,7 @@ class Acquirer:
             self.queue.put(frame._replace(flags=frame.flags | FrameFlag.END_OF_RUN) if ends else frame)
         if frames:
             self.records_done += 1
-            self._table_row += 1
+            self._table.row += 1
             self._next_flags = FrameFlag(0)
             self._reports.event(EventKind.RECORD_DONE, self.records_done - 1)
 

@@ -29,7 +29,7 @@ BLOCKS = st.one_of(
     st.binary(max_size=60),
     st.just(b"RSAL"),
     st.just(sbp.Configuration(5_000_000, 6_700, 100, 8, sbp.ConfigFlag(1), 1, 80_000).encode()),
-    st.just(sbp.encode_windows([[sbp.Window(4_200_000, 6_700, 96, 1)]])),
+    st.just(sbp.encode_windows([[sbp.WindowEntry(4_200_000, 6_700, 96, 1)]])),
 )
 
 

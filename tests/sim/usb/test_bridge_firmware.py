@@ -357,7 +357,7 @@ def test_stale_frames_of_a_former_run_are_dropped(bench_1_0: Any) -> None:
 
 def test_windows_that_are_refused(bench_1_1: Any) -> None:
     client = Client(bench_1_1)
-    good = sbp.Window(4_200_000, 6_700, 96, 1)
+    good = sbp.WindowEntry(4_200_000, 6_700, 96, 1)
     block = sbp.encode_windows([[good]])
     assert client.refused(Request.SET_WINDOWS, 0, block) == (ErrorCode.NOT_CONFIGURED, 0)
     client.configure(replace(CONFIG, flags=ConfigFlag.EXTERNAL_TRIGGER | ConfigFlag.WINDOWS, step_fs=0, samples=0))
@@ -384,7 +384,7 @@ def test_run_waits_for_the_next_table(bench_1_1: Any) -> None:
     client.start()
     assert client.status().state is State.WAIT
     for start_fs in (4_200_000, 9_800_000):
-        table = sbp.encode_windows([[sbp.Window(start_fs, 6_700, 96, 1)] * 2] * 2)
+        table = sbp.encode_windows([[sbp.WindowEntry(start_fs, 6_700, 96, 1)] * 2] * 2)
         client.out(Request.SET_WINDOWS, 1, table)
         assert client.status().state is State.WAIT
         client.out(Request.SET_WINDOWS, 0, table)

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from picoradar.drivers.bridge import bridge_link, sbp
-from picoradar.drivers.bridge.sbp import ErrorCode, FrameFlag, FrameParser, Request, Window
+from picoradar.drivers.bridge.sbp import ErrorCode, FrameFlag, FrameParser, Request, WindowEntry
 from picoradar.drivers.errors import DeviceFault, LimitError, LinkLost, ProtocolError, Stall
 from picoradar.drivers.interfaces import SweepSettings
+from picoradar.drivers.traces import Window
 
 SWEEP = SweepSettings(start_ps=5000.0, step_ps=6.7, samples=1430, averages=8, settle_shots=16, prf_hz=80_000.0)
 
@@ -331,7 +332,7 @@ def test_windows_come_on_the_marks_of_the_galvo(bench_1_1: Any) -> None:
     bench.bridge.configure_windows(prf_hz=80_000.0, settle_shots=16, on_advance=True)
     bench.beat()
     bench.bridge.gate_on()
-    table = [[Window(4_200_000, 6_700, 96, 1), Window(9_800_000 + 6_700 * m, 6_700, 96, 2)] for m in range(5)]
+    table = [[Window(4200.0, 6.7, 96, 1), Window(9800.0 + 6.7 * m, 6.7, 96, 2)] for m in range(5)]
     xy = np.repeat([(400 * m, 0) for m in range(5)], 20, axis=0)  # each stop: 10 points to settle, 10 from the mark on
     marked = np.tile(np.arange(20) == 10, 5)
     for run_id in (9, 10):
@@ -355,7 +356,7 @@ def test_corrupted_line_of_windows_is_taken_again_without_doubles(bench_1_1: Any
     bench.bridge.configure_windows(prf_hz=80_000.0, settle_shots=0)
     faults = iter([False, False, True])
     bench.bridge_firmware.acquirer.queue.fault = lambda frame: None if next(faults, False) else frame
-    table = [[Window(4_200_000, 6_700, 96, 1)]] * 4
+    table = [[Window(4200.0, 6.7, 96, 1)]] * 4
     records = list(bench.bridge.take_windows(3, table))
     assert [r.number for r in records] == [0, 1, 2, 3]
     assert [int(r.windows[0].sums[0]) for r in records] == [0, 3, 6, 9]
@@ -367,7 +368,7 @@ def test_edge_inside_a_record_is_an_error(bench_1_1: Any) -> None:
     bench = bench_1_1
     bench.bridge.open()
     bench.bridge.configure_windows(prf_hz=80_000.0, settle_shots=0, on_advance=True)
-    table = [[Window(4_200_000, 6_700, 96, 10)]] * 2  # 12 ms a record
+    table = [[Window(4200.0, 6.7, 96, 10)]] * 2  # 12 ms a record
 
     def edges() -> None:
         for delay_s in (0.0, 0.005, 0.02):
@@ -384,19 +385,18 @@ def test_windows_out_of_range_are_refused(bench: Any) -> None:
             bench.bridge.configure_windows(prf_hz=80_000.0, settle_shots=0)
         return
     bench.bridge.configure_windows(prf_hz=80_000.0, settle_shots=0)
-    good = Window(4_200_000, 6_700, 96, 1)
+    good = Window(4200.0, 6.7, 96, 1)
     for table, message in (
         ([[good] * 9], "windows in a record 9"),
         ([[good] * 2] * 127, "entries in the window table 254"),
         ([[good], [good, good]], "same number"),
-        ([[good], [Window(4_200_000, 500, 96, 1)]], "record 1, window 0: step 0.5 ps"),
+        ([[good], [Window(4200.0, 0.5, 96, 1)]], "record 1, window 0: step 0.5 ps"),
     ):
         with pytest.raises(LimitError, match=message):
             bench.bridge.set_windows(table)
+    entries = [[WindowEntry(4_200_000, step_fs, 96, 1)] for step_fs in (6_700, 500)]
     with pytest.raises(Stall):
-        bench.bridge.link.control_out(
-            Request.SET_WINDOWS, 0, sbp.encode_windows([[good], [Window(4_200_000, 500, 96, 1)]])
-        )
+        bench.bridge.link.control_out(Request.SET_WINDOWS, 0, sbp.encode_windows(entries))
     assert sbp.ErrorEntry.decode(bench.bridge.link.control_in(Request.GET_ERROR, 0, 8)).detail == 1
 
 
@@ -406,4 +406,4 @@ def test_run_of_the_wrong_kind_is_refused(bench_1_1: Any) -> None:
         bench_1_1.bridge.take(1)
     bench_1_1.bridge.configure(SWEEP)
     with pytest.raises(DeviceFault, match="call configure_windows first"):
-        bench_1_1.bridge.take_windows(1, [[Window(4_200_000, 6_700, 96, 1)]])
+        bench_1_1.bridge.take_windows(1, [[Window(4200.0, 6.7, 96, 1)]])

@@ -1,4 +1,4 @@
-"""The state of all interlocks: which of them holds the run now, and since when."""
+"""`InterlockMonitor`: which interlocks hold the run now, and since when."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from picoradar.instrument.errors import InterlockTripped
 
 
 @dataclass
-class _Lamp:
-    """One interlock on the panel: outside its band since when, tripped or not, and in which words."""
+class _InterlockState:
+    """One interlock: outside its band since when, tripped or not, and in which words."""
 
     interlock: Interlock
     outside_since_s: float | None = None
@@ -31,7 +31,7 @@ class _Lamp:
         self.outside_since_s, self.tripped, self.words = None, False, ""
 
 
-class Panel:
+class InterlockMonitor:
     """Judges readings by the table of interlocks; remembers what hysteresis and hold-off need.
 
     Parameters
@@ -41,12 +41,12 @@ class Panel:
     """
 
     def __init__(self, table: tuple[Interlock, ...], clock: Clock) -> None:
-        self._lamps = [_Lamp(interlock) for interlock in table]
+        self._states = [_InterlockState(interlock) for interlock in table]
         self._clock = clock
 
     def why(self) -> list[str]:
         """Get what holds the run now, each with value, band and what to do; empty when all is well."""
-        return [f"{lamp.interlock.name}: {lamp.words}" for lamp in self._lamps if lamp.tripped]
+        return [f"{state.interlock.name}: {state.words}" for state in self._states if state.tripped]
 
     def judge(self, readings: Readings, *, emitting: bool) -> None:
         """Take readings; raise for the gravest interlock that they show not to hold.
@@ -58,19 +58,19 @@ class Panel:
         """
         now_s = self._clock.now()
         judged = []
-        for lamp in self._lamps:
-            value = lamp.interlock.quantity(readings)
-            if lamp.interlock.emitting_only and not emitting:
-                lamp.clear()
+        for state in self._states:
+            value = state.interlock.quantity(readings)
+            if state.interlock.emitting_only and not emitting:
+                state.clear()
             elif value is not None:
-                lamp.take(value, now_s)
-                judged.append(lamp)
+                state.take(value, now_s)
+                judged.append(state)
         for action in ("off", "abort", "suspend"):
-            for lamp in judged:
-                if lamp.tripped and lamp.interlock.action == action:
-                    raise InterlockTripped(lamp.interlock.name, lamp.words, action=action)
+            for state in judged:
+                if state.tripped and state.interlock.action == action:
+                    raise InterlockTripped(state.interlock.name, state.words, action=action)
 
     def clear(self) -> None:
         """Forget everything, for a new run."""
-        for lamp in self._lamps:
-            lamp.clear()
+        for state in self._states:
+            state.clear()

@@ -1,0 +1,227 @@
+"""`Acquisition`: a plan and a capture put together; the job that the controller runs line by line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from picoradar.drivers.interfaces import Galvo, Identity, Sampler
+from picoradar.drivers.traces import CodeScale
+from picoradar.instrument.acquisition.capture import Capture, Devices, Revisit, Setup
+from picoradar.instrument.acquisition.line import to_scan_line
+from picoradar.instrument.acquisition.motion import MotionMonitor
+from picoradar.instrument.acquisition.plan import Plan
+from picoradar.instrument.controller import Between
+from picoradar.instrument.errors import BadInput
+from picoradar.instrument.events import JsonObject
+from picoradar.instrument.line import Flag, ScanLine
+from picoradar.instrument.ranging import LineBefore, Ranges, mark_footprint
+
+POINT_BYTES = 256  # of a point on the disk, without its raw samples
+BYTES_PER_SAMPLE = 64  # of a line in memory: codes, the trace in mV and what ranging needs beside it
+MAX_LINE_BYTES = 1_000_000_000
+
+
+class Acquisition:
+    """Takes the lines of a plan by a capture, judges them, and puts them into space.
+
+    Where the plan is a raster, neighbours tell whether a spot lies on one surface (`Flag.MIXED`). Any plan of enough
+    lines is monitored by a `MotionMonitor`.
+
+    Parameters
+    ----------
+    plan : Plan
+        Where the beam goes.
+    capture : Capture
+        How a line is taken.
+    setup : Setup
+    rows : sequence of int, optional
+        Lines to take; all by default.
+
+    Attributes
+    ----------
+    shots : int
+        Laser shots sampled so far at the plan's points (without those that settle or monitor motion): divided by
+        the PRF, the time that shots alone take.
+
+    Raises
+    ------
+    BadInput
+        When a line does not fit into memory while it is ranged.
+    """
+
+    def __init__(self, plan: Plan, capture: Capture, setup: Setup, rows: Sequence[int] | None = None) -> None:
+        refuse_enormous_lines(plan.columns, setup.settings.sampler.samples)
+        self.plan = plan
+        self.capture = capture
+        self.shots = 0
+        self._setup = setup
+        self._rows = range(plan.rows) if rows is None else rows
+        self._reference: tuple[float, float | None] = (0.0, None)
+        revisit_s, line_s = capture.times_s(plan.columns)
+        pointing_sd_mm = setup.calibration.pointing_sd_rad * setup.settings.scan.distance_mm
+        self._motion = MotionMonitor(plan.rows, revisit_s, line_s, pointing_sd_mm)
+        self._before: _Row | None = None
+
+    @property
+    def mode(self) -> str:
+        """Get how it really scans."""
+        return self.capture.mode
+
+    @property
+    def rows(self) -> Sequence[int]:
+        """Get the rows to take, in order."""
+        return self._rows
+
+    @property
+    def line_bytes(self) -> int:
+        """Get the most that one line takes on the disk (its samples not compressed)."""
+        raw_bytes = self.capture.raw_bytes if self._setup.settings.scan.keep_traces else 0
+        return self.plan.columns * (POINT_BYTES + raw_bytes)
+
+    @property
+    def reference(self) -> tuple[float, float | None]:
+        """Get the lowest amplitude (mV) and median place (ps) of the reference in the last line; 0 and None: none."""
+        return self._reference
+
+    def configure(self, sampler: Sampler) -> None:
+        """Tell the sampler how records are taken."""
+        self.capture.configure(sampler)
+
+    def header(self, identities: Mapping[str, Identity], *, seed: int | None, scale: CodeScale) -> JsonObject:
+        """Get the header of the recording: all that one must know to use or repeat the scan."""
+        settings, calibration = self._setup.settings, self._setup.calibration
+        return {
+            "raster": {
+                "plan": self.plan.name,
+                "rows": self.plan.rows,
+                "columns": self.plan.columns,
+                **self.plan.header(),
+                "mode": self.capture.mode,
+                "averages": settings.scan.averages,
+                "estimator": self.capture.estimator,
+            },
+            "settings": settings.model_dump(),
+            "seed": seed,
+            "calibration": calibration.model_dump(mode="json"),
+            "calibration_digest": calibration.digest,
+            "scanner": {name: str(identity) for name, identity in identities.items()},
+            "trace": {
+                "start_ps": settings.sampler.start_ps,
+                "step_ps": settings.sampler.step_ps,
+                "samples": settings.sampler.samples,
+                "zero_code": scale.zero_code,
+                "mv_per_code": scale.mv_per_code,
+            },
+        }
+
+    def state_dict(self) -> JsonObject:
+        """Get what the next line needs to know of those before, as plain data."""
+        before = None if self._before is None else self._before.state_dict()
+        return {"motion": self._motion.state_dict(), "before": before, **self.capture.state_dict()}
+
+    def load_state(self, state: JsonObject) -> None:
+        """Go on from a `state_dict`, as if the lines before had just been taken."""
+        if "motion" in state:  # recordings of earlier versions have none
+            self._motion.load_state(state["motion"])
+        if before := state.get("before"):
+            self._before = _Row.from_state(before)
+        self.capture.load_state(state)
+
+    def take_line(self, row: int, galvo: Galvo, sampler: Sampler, between: Between) -> ScanLine:
+        """Take one line with the laser on.
+
+        Parameters
+        ----------
+        row : int
+        galvo, sampler
+            Open and configured; the gate is open.
+        between : callable
+            Called before the line and before each point; what it raises ends the line.
+
+        Raises
+        ------
+        DeviceError
+        """
+        self.plan.wait_for(row, between)
+        line = self.plan.line(row)
+        began_s = self._setup.clock.now()
+        captured = self.capture.take(self.plan, line, self._revisit(), Devices(galvo, sampler, between))
+        self.shots += captured.shots
+        ranges = self._footprint_judged(row, captured.ranges)
+        ranges = self._motion_judged(row, ranges, captured.revisit)
+        self._note_reference(ranges)
+        captured = replace(captured, ranges=ranges)
+        if not self._setup.settings.scan.keep_traces:
+            captured = replace(captured, traces=None, windows=None)
+        return to_scan_line(line, captured, self._setup.calibration, began_s)
+
+    def _revisit(self) -> Revisit | None:
+        """Return the monitored point, if it is its turn."""
+        if self._motion.point is None or not self._motion.due:
+            return None
+        row, column = self._motion.point
+        return Revisit(self.plan.line(row).codes[column], *self._motion.seen)
+
+    def _footprint_judged(self, row: int, ranges: Ranges) -> Ranges:
+        """Flag points whose spot does not lie on one surface, as far as this line and the one before show it."""
+        if self.plan.step_mm is None:
+            return ranges
+        before = self._before.ranges if self._before is not None and self._before.row == row - 1 else None
+        self._before = _Row(row, LineBefore(ranges.range_mm, ranges.variance_mm2))
+        return mark_footprint(ranges, self.plan.step_mm, before)
+
+    def _motion_judged(self, row: int, ranges: Ranges, revisit: Ranges | None) -> Ranges:
+        """Take the revisit in, and flag the line if the target has moved."""
+        self._motion.line_done(row, ranges, self.plan.step_mm, revisit)
+        if not self._motion.moved:
+            return ranges
+        return replace(ranges, flags=ranges.flags | np.uint16(Flag.MOTION))
+
+    def _note_reference(self, ranges: Ranges) -> None:
+        there = np.isfinite(ranges.reference_mv)
+        if 2 * np.count_nonzero(there) >= len(there):
+            self._reference = float(ranges.reference_mv[there].min()), float(np.median(ranges.reference_ps[there]))
+        else:
+            self._reference = (0.0, None)
+
+
+@dataclass(frozen=True)
+class _Row:
+    """The last line of a raster."""
+
+    row: int
+    ranges: LineBefore
+
+    def state_dict(self) -> JsonObject:
+        return {
+            "row": self.row,
+            "range_mm": self.ranges.range_mm.tolist(),
+            "variance_mm2": self.ranges.variance_mm2.tolist(),
+        }
+
+    @classmethod
+    def from_state(cls, state: JsonObject) -> _Row:
+        range_mm = np.array(state["range_mm"], dtype=np.float64)
+        # Recordings of earlier versions have no variances: without them, the noise of that line is left out.
+        known = state.get("variance_mm2")
+        variance_mm2: NDArray[np.float64] = np.zeros_like(range_mm) if known is None else np.array(known, np.float64)
+        return cls(state["row"], LineBefore(range_mm, variance_mm2))
+
+
+def refuse_enormous_lines(columns: int, samples: int) -> None:
+    """Refuse lines whose traces do not fit into memory while they are ranged, with the number.
+
+    Raises
+    ------
+    BadInput
+    """
+    needed = columns * samples * BYTES_PER_SAMPLE
+    if needed > MAX_LINE_BYTES:
+        raise BadInput(
+            f"a line of {columns} points with {samples} samples each needs about {needed / 1e9:.1f} GB of memory "
+            f"to be ranged, more than {MAX_LINE_BYTES / 1e9:.0f} GB; take fewer columns or samples"
+        )

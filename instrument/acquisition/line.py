@@ -1,0 +1,77 @@
+"""Ranges put into space: `to_scan_line` for a line just taken, `reprocessed` for one ranged before."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from picoradar.instrument.acquisition.capture import Captured
+from picoradar.instrument.acquisition.plan import LinePlan
+from picoradar.instrument.calibration import Calibration, covariance_from, points_from, true_angles
+from picoradar.instrument.line import ScanLine
+from picoradar.instrument.ranging import Ranges
+
+
+def to_scan_line(plan: LinePlan, captured: Captured, calibration: Calibration, began_s: float) -> ScanLine:
+    """Put a captured line into space; its raw samples go along.
+
+    Parameters
+    ----------
+    plan : LinePlan
+        Its optical angles are those asked for; the scanner's errors of the calibration are applied.
+    captured : Captured
+        Of the N points of the plan.
+    calibration : Calibration
+    began_s : float
+        Device time at which the line was begun.
+    """
+    ranges = captured.ranges
+    placed = _in_space(plan.angles_rad, ranges, calibration)
+    return ScanLine(
+        index=plan.row,
+        columns=plan.columns,
+        angles_rad=plan.angles_rad,
+        points_mm=placed.points_mm,
+        covariance_mm2=placed.covariance_mm2,
+        range_mm=ranges.range_mm,
+        range_variance_mm2=ranges.variance_mm2,
+        response_mv=ranges.response_mv,
+        flags=ranges.flags,
+        traces=captured.traces,
+        sweeps=captured.sweeps,
+        device_time_s=began_s,
+        windows=captured.windows,
+    )
+
+
+def reprocessed(line: ScanLine, ranges: Ranges, calibration: Calibration) -> ScanLine:
+    """Return a line with other ranges (N,) of its points, by a calibration that may be another one, too."""
+    placed = _in_space(line.angles_rad, ranges, calibration)
+    return replace(
+        line,
+        points_mm=placed.points_mm,
+        covariance_mm2=placed.covariance_mm2,
+        range_mm=ranges.range_mm,
+        range_variance_mm2=ranges.variance_mm2,
+        response_mv=ranges.response_mv,
+        flags=ranges.flags,
+    )
+
+
+class _Placed(NamedTuple):
+    """Points (N, 3) mm in the scanner frame, and their covariances (N, 3, 3) mm^2."""
+
+    points_mm: NDArray[np.float64]
+    covariance_mm2: NDArray[np.float64]
+
+
+def _in_space(angles_rad: NDArray[np.float64], ranges: Ranges, calibration: Calibration) -> _Placed:
+    true_rad = true_angles(angles_rad, calibration.scanner)
+    separation_mm = calibration.mirror_separation_mm
+    return _Placed(
+        points_from(true_rad, ranges.range_mm, separation_mm),
+        covariance_from(true_rad, ranges.range_mm, ranges.variance_mm2, calibration.pointing_sd_rad, separation_mm),
+    )

@@ -1,0 +1,129 @@
+"""One scan from the command line: chosen, recorded with a bar, and described by the keys of the contract."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from picoradar.drivers.traces import CodeScale
+from picoradar.instrument.acquisition import Acquisition, Setup, can_window, raster_scan
+from picoradar.instrument.cli import output
+from picoradar.instrument.cli.session import Session
+from picoradar.instrument.controller import STATE_EVENT, ScanOutcome, Sink
+from picoradar.instrument.errors import BadInput, Interrupted
+from picoradar.instrument.events import JsonObject
+from picoradar.instrument.line import Flag, ScanLine
+from picoradar.instrument.recording import Cloud, Recording, cloud_of
+
+
+class RecordedScan(NamedTuple):
+    """A scan that was recorded: ``described`` by the keys of the contract, how it ended, and its points."""
+
+    described: JsonObject
+    outcome: ScanOutcome
+    cloud: Cloud
+
+
+def record_scan(run: Session, path: Path) -> RecordedScan:
+    """Take one scan into a new recording.
+
+    Raises
+    ------
+    Interrupted
+        After the safe shutdown, when Ctrl-C or SIGTERM came; the lines so far are kept.
+    """
+    sampler = run.controller.bench.sampler
+    job = job_for(run)
+    header = job.header(
+        run.identities,
+        seed=run.settings.seed if run.simulated is not None else None,
+        scale=CodeScale(sampler.zero_code, sampler.mv_per_code),
+    )
+    if run.simulated is not None and run.simulated.faults:
+        header["faults"] = run.simulated.faults
+    return _scan_into(run, job, Recording.create(path, header))
+
+
+def resume_scan(run: Session, path: Path) -> RecordedScan:
+    """Take the lines that a recording lacks; what is returned is of the whole scan.
+
+    Raises
+    ------
+    Interrupted
+        As `record_scan`.
+    BadInput
+        When it is no scan of a raster.
+    RecordingError
+        When nothing is missing, or another program writes to it.
+    """
+    with Recording.open(path) as broken_off:
+        kind = broken_off.raster.get("plan", "raster")  # those of earlier versions do not say it
+    if kind != "raster":
+        raise BadInput(f"{path}: holds {kind} of a bench procedure, which cannot be resumed; run the procedure again")
+    recording = Recording.resume(path)
+    job = job_for(run, recording.missing)
+    done = recording.done
+    for event in recording.events():
+        if event.kind == STATE_EVENT and done and event.fields["line"] == done[-1]:
+            job.load_state(event.fields)
+    return _scan_into(run, job, recording)
+
+
+def job_for(run: Session, rows: Sequence[int] | None = None) -> Acquisition:
+    """Choose how to scan: in windows where the settings ask for it and the devices can, else in whole sweeps."""
+    bench = run.controller.bench
+    in_windows = run.settings.scan.mode == "window" and can_window(bench.galvo, bench.sampler)
+    return raster_scan(Setup(run.settings, run.calibration, bench.clock), rows, in_windows=in_windows)
+
+
+def _scan_into(run: Session, job: Acquisition, recording: Recording) -> RecordedScan:
+    began = time.perf_counter()
+    with recording:
+        lines = list(recording.lines(traces=False))  # of an earlier part of the scan; empty for a new one
+        outcome = _scan_with_bar(run, job, recording, lambda line: lines.append(line.without_raw_samples()))
+    cloud = cloud_of(lines)
+    result = {"recording": str(recording.path), "lines": len(lines), **describe_scan(run, job, cloud, outcome)}
+    result["wall_s"] = round(time.perf_counter() - began, 3)
+    if outcome.stop_reason == "interrupted":
+        safe = "laser off verified" if outcome.safe.laser_off_verified else str(outcome.safe)
+        raise Interrupted(f"interrupted; {safe}; {result['lines']} lines kept in {recording.path}")
+    return RecordedScan(result, outcome, cloud)
+
+
+def _scan_with_bar(run: Session, job: Acquisition, recording: Recording, keep: Sink) -> ScanOutcome:
+    with output.progress() as bar:
+        task = bar.add_task("scan", total=len(job.rows), note="")
+
+        def show(line: ScanLine) -> None:
+            found = int(line.has_range.sum())
+            device_s = run.controller.bench.clock.now()
+            bar.update(task, advance=1, note=f"{found}/{len(line.flags)} points, device time {device_s:.0f} s")
+
+        return run.controller.scan(job, recording, [keep, show])
+
+
+def describe_scan(run: Session, job: Acquisition, cloud: Cloud, outcome: ScanOutcome) -> JsonObject:
+    """Describe a scan by the keys of the command's contract (without ``recording``, ``lines`` and ``wall_s``)."""
+    scan = run.settings.scan
+    result: JsonObject = {
+        "points": int(cloud.has_range.sum()),
+        "lines_taken": outcome.lines,
+        "grid": [scan.rows, scan.columns],
+        "step_mm": scan.step_mm,
+        "mode": job.mode,
+        "averages": scan.averages,
+        "device_time_s": round(outcome.device_time_s, 6),
+        "shot_limited_s": job.shots / run.settings.pulser.prf_hz,
+        "flags": {f.words: n for f in Flag if f and (n := int(np.count_nonzero(cloud.flags & np.uint16(f))))},
+        "laser_off_verified": outcome.safe.laser_off_verified,
+        "safe_state": outcome.safe.steps,
+        "suspended": outcome.suspended,
+        "stop_reason": outcome.stop_reason,
+    }
+    if run.simulated is not None:
+        result["truth"] = run.simulated.truth_of(cloud)
+    return result
