@@ -6,8 +6,6 @@ import logging
 import sys
 from typing import Any, Protocol, TextIO
 
-import structlog
-
 JsonObject = dict[str, Any]
 """What JSON calls an object: plain data by name."""
 
@@ -36,6 +34,8 @@ def configure(level: int = logging.WARNING, stream: TextIO | None = None) -> Non
 
     A terminal gets aligned text, anything else JSON. Without this call structlog's defaults hold.
     """
+    import structlog  # here and below, because it makes --help slow
+
     out = sys.stderr if stream is None else stream
     renderer: Any = structlog.dev.ConsoleRenderer() if out.isatty() else structlog.processors.JSONRenderer()
     structlog.configure(
@@ -48,5 +48,7 @@ def configure(level: int = logging.WARNING, stream: TextIO | None = None) -> Non
 
 def logger(**context: object) -> Log:
     """Get a logger that carries ``context`` in every event."""
+    import structlog
+
     log: Log = structlog.get_logger().bind(**context)
     return log

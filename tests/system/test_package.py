@@ -89,6 +89,19 @@ def test_importing_the_front_loads_nothing_heavy() -> None:
     )
 
 
+def test_help_loads_nothing_heavy() -> None:
+    heavy = ("numpy", "pydantic", "serial", "structlog", "picoradar.registration", "picoradar.sim")
+    code = f"""
+import sys
+from picoradar.instrument.cli.main import run
+run(["--help"])
+print([m for m in {heavy} if m in sys.modules], file=sys.stderr)
+"""
+    done = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, check=True)
+    assert "Usage: picoradar" in done.stdout
+    assert done.stderr == "[]\n"
+
+
 def test_every_room_offers_what_it_names() -> None:
     rooms = [
         ".".join(("picoradar", *init.parent.relative_to(ROOT).parts))
