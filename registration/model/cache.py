@@ -32,7 +32,7 @@ from picoradar.registration.model.field import DistanceField
 from picoradar.registration.model.mesh import MeshReport
 from picoradar.registration.model.views import Fields
 
-VERSION = 8
+VERSION = 9
 """Raised whenever the reading of mesh files, their preparation or the layout here changes."""
 
 HollowPlace = tuple[FloatArray, float, FloatArray, bool]

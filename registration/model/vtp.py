@@ -82,7 +82,9 @@ def _decoded(text: bytes, count: int) -> bytes:
 
 
 def read_vtp(file: Path) -> tuple[FloatArray, IntArray]:
-    """Read vertices (V, 3) and triangles (F, 3); polygons are fanned into triangles.
+    """Read vertices (V, 3) and triangles (F, 3) of all pieces; polygons are fanned into triangles.
+
+    Vertices, lines and triangle strips of a piece take no part.
 
     Raises
     ------
@@ -94,16 +96,27 @@ def read_vtp(file: Path) -> tuple[FloatArray, IntArray]:
     try:
         root = ElementTree.fromstring(xml)
         decoder = _Decoder(root, appended)
-        piece = root.find("PolyData/Piece")
-        points = None if piece is None else piece.find("Points/DataArray")
-        polys = None if piece is None else piece.find("Polys")
-        if points is None or polys is None:
+        pieces = [_piece(decoder, element) for element in root.findall("PolyData/Piece") if _has_surface(element)]
+        if not pieces:
             raise MeshError("holds no PolyData piece with Points and Polys")
-        arrays = {element.get("Name"): decoder.array(element) for element in polys.findall("DataArray")}
-        vertices = decoder.array(points).astype(np.float64).reshape(-1, 3)
-        faces = _triangles(arrays["connectivity"].astype(np.int64), arrays["offsets"].astype(np.int64))
     except (ElementTree.ParseError, KeyError, ValueError, IndexError, zlib.error) as error:
         raise MeshError(f"{file}: cannot be read as VTK polygonal data ({error}); export it again") from error
+    first = np.cumsum([0, *(len(vertices) for vertices, _ in pieces[:-1])])
+    faces = [triangles + before for (_, triangles), before in zip(pieces, first, strict=True)]
+    return np.concatenate([vertices for vertices, _ in pieces]), np.concatenate(faces)
+
+
+def _has_surface(piece: ElementTree.Element) -> bool:
+    return piece.find("Points/DataArray") is not None and piece.find("Polys/DataArray") is not None
+
+
+def _piece(decoder: _Decoder, piece: ElementTree.Element) -> tuple[FloatArray, IntArray]:
+    """Vertices (V, 3) of one piece, and triangles (F, 3) that count them from 0."""
+    arrays = {element.get("Name"): decoder.array(element) for element in piece.findall("Polys/DataArray")}
+    vertices = decoder.array(piece.findall("Points/DataArray")[0]).astype(np.float64).reshape(-1, 3)
+    faces = _triangles(arrays["connectivity"].astype(np.int64), arrays["offsets"].astype(np.int64))
+    if len(faces) and not 0 <= faces.min() <= faces.max() < len(vertices):
+        raise IndexError(f"a polygon names vertex {faces.max()}, the piece has {len(vertices)}")
     return vertices, faces
 
 
@@ -118,10 +131,11 @@ def _split_appended(content: bytes) -> tuple[bytes, bytes]:
 
 
 def _triangles(connectivity: IntArray, offsets: IntArray) -> IntArray:
+    """Fan polygons into triangles (F, 3); of each corner of the fan only those polygons are read that have it."""
     starts = np.concatenate([[0], offsets[:-1]])
     counts = offsets - starts
-    fans = [
-        np.stack([connectivity[starts], connectivity[starts + k], connectivity[starts + k + 1]], axis=1)[counts > k + 1]
-        for k in range(1, max(2, int(counts.max()) - 1) if len(counts) else 1)
-    ]
-    return np.concatenate(fans) if fans else np.zeros((0, 3), dtype=np.int64)
+    fans = [np.zeros((0, 3), dtype=np.int64)]
+    for k in range(1, int(counts.max(initial=0)) - 1):
+        first = starts[counts > k + 1]
+        fans.append(np.stack([connectivity[first], connectivity[first + k], connectivity[first + k + 1]], axis=1))
+    return np.concatenate(fans)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -84,23 +85,101 @@ def test_files_are_read(tmp_path: Path, suffix: str) -> None:
     assert signed_volume(model.vertices, model.faces) == pytest.approx(1000.0, rel=1e-6)
 
 
-def vtp_ascii() -> str:
-    points = " ".join(str(v) for v in CUBE.ravel())
-    faces = " ".join(str(v) for v in CUBE_FACES.ravel())
-    offsets = " ".join(str(3 * (k + 1)) for k in range(len(CUBE_FACES)))
+def vtp_ascii(vertices: np.ndarray, polygons: list[list[int]], others: str = "") -> str:
+    return vtp_of(vtp_piece(vertices, polygons, others))
+
+
+def vtp_of(*pieces: str) -> str:
     return (
         '<?xml version="1.0"?><VTKFile type="PolyData" version="0.1" byte_order="LittleEndian"><PolyData>'
-        f'<Piece NumberOfPoints="8" NumberOfPolys="12"><Points><DataArray type="Float32" NumberOfComponents="3" '
-        f'format="ascii">{points}</DataArray></Points><Polys><DataArray type="Int64" Name="connectivity" '
-        f'format="ascii">{faces}</DataArray><DataArray type="Int64" Name="offsets" format="ascii">{offsets}'
-        "</DataArray></Polys></Piece></PolyData></VTKFile>"
+        + "".join(pieces)
+        + "</PolyData></VTKFile>"
+    )
+
+
+def vtp_piece(vertices: np.ndarray, polygons: list[list[int]], others: str = "") -> str:
+    """One piece; `others` are cells of another kind, given as XML."""
+    points = " ".join(str(v) for v in vertices.ravel())
+    connectivity = " ".join(str(v) for polygon in polygons for v in polygon)
+    offsets = " ".join(str(v) for v in np.cumsum([len(polygon) for polygon in polygons]))
+    return (
+        f'<Piece NumberOfPoints="{len(vertices)}" NumberOfPolys="{len(polygons)}"><Points><DataArray type="Float32" '
+        f'NumberOfComponents="3" format="ascii">{points}</DataArray></Points>{others}<Polys><DataArray type="Int64" '
+        f'Name="connectivity" format="ascii">{connectivity}</DataArray><DataArray type="Int64" Name="offsets" '
+        f'format="ascii">{offsets}</DataArray></Polys></Piece>'
     )
 
 
 def test_vtp_is_read(tmp_path: Path) -> None:
     path = tmp_path / "cube.vtp"
-    path.write_text(vtp_ascii())
+    path.write_text(vtp_ascii(CUBE, CUBE_FACES.tolist()))
     assert registration.load_model(path).closed
+
+
+PYRAMID = np.array([[0.0, 0, 0], [10, 0, 0], [10, 10, 0], [0, 10, 0], [5, 5, 9]])
+PYRAMID_BASE = [0, 3, 2, 1]
+PYRAMID_SIDES = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
+PYRAMID_VOLUME_MM3 = 300.0
+LOOSE_CELLS = (
+    '<Verts><DataArray type="Int64" Name="connectivity" format="ascii">0 1</DataArray>'
+    '<DataArray type="Int64" Name="offsets" format="ascii">1 2</DataArray></Verts>'
+    '<Strips><DataArray type="Int64" Name="connectivity" format="ascii">0 1 2 3</DataArray>'
+    '<DataArray type="Int64" Name="offsets" format="ascii">4</DataArray></Strips>'
+)
+
+
+@pytest.mark.parametrize("others", ["", LOOSE_CELLS], ids=["alone", "beside vertices and strips"])
+@pytest.mark.parametrize(
+    "polygons",
+    [
+        [PYRAMID_BASE, *PYRAMID_SIDES],
+        [*PYRAMID_SIDES, PYRAMID_BASE],
+        [*PYRAMID_SIDES[:2], PYRAMID_BASE, *PYRAMID_SIDES[2:]],
+    ],
+    ids=["quad first", "quad last", "quad between"],
+)
+def test_vtp_with_polygons_of_several_sizes_is_read(tmp_path: Path, polygons: list[list[int]], others: str) -> None:
+    path = tmp_path / "pyramid.vtp"
+    path.write_text(vtp_ascii(PYRAMID, polygons, others))
+    model = registration.load_model(path)
+    assert len(model.faces) == 6
+    assert model.closed
+    assert not model.report.turned_inside_out
+    assert signed_volume(model.vertices, model.faces) == pytest.approx(PYRAMID_VOLUME_MM3)
+
+
+@pytest.mark.parametrize("sizes", list(itertools.permutations([3, 4, 5, 6])))
+def test_vtp_polygons_keep_their_area_in_any_order(tmp_path: Path, sizes: tuple[int, ...]) -> None:
+    """Regular polygons of radius 10 mm side by side: area n / 2 r^2 sin(2 pi / n) each."""
+    corners, polygons = [], []
+    for place, n in enumerate(sizes):
+        angle = 2.0 * np.pi * np.arange(n) / n
+        polygons.append((sum(sizes[:place]) + np.arange(n)).tolist())
+        corners.append(np.stack([30.0 * place + 10.0 * np.cos(angle), 10.0 * np.sin(angle), np.zeros(n)], axis=1))
+    path = tmp_path / "polygons.vtp"
+    path.write_text(vtp_ascii(np.concatenate(corners), polygons))
+    model = registration.load_model(path)
+    a, b, c = model.vertices[model.faces].transpose(1, 0, 2)
+    area = np.cross(b - a, c - a)[:, 2].sum() / 2.0  # signed: a fan that is wound the other way counts against it
+    assert len(model.faces) == sum(n - 2 for n in sizes)
+    assert area == pytest.approx(sum(n / 2.0 * 100.0 * np.sin(2.0 * np.pi / n) for n in sizes), rel=1e-6)
+
+
+def test_vtp_in_pieces_is_read_whole(tmp_path: Path) -> None:
+    """A piece counts its own vertices from 0; one without polygons takes no part."""
+    path = tmp_path / "pyramid.vtp"
+    base, sides = vtp_piece(PYRAMID[:4], [PYRAMID_BASE]), vtp_piece(PYRAMID, PYRAMID_SIDES)
+    path.write_text(vtp_of(base, "<Piece><Points/><Polys/></Piece>", sides))
+    model = registration.load_model(path)
+    assert model.closed
+    assert signed_volume(model.vertices, model.faces) == pytest.approx(PYRAMID_VOLUME_MM3)
+
+
+def test_vtp_whose_piece_names_a_vertex_of_another_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "pyramid.vtp"
+    path.write_text(vtp_of(vtp_piece(PYRAMID[:4], [[0, 1, 4]]), vtp_piece(PYRAMID, PYRAMID_SIDES)))
+    with pytest.raises(registration.MeshError, match="names vertex 4, the piece has 4"):
+        registration.load_model(path)
 
 
 @pytest.mark.parametrize(
