@@ -80,6 +80,9 @@ class BeamFitter:
     noise_known : bool
         Keep the range noise instead of estimating it from the residuals.
     settings : RobustSettings
+    edges : bool
+        Edges may hold the pose: steps are shortened until the beams that are cast from their ends agree that they are
+        no worse. On smooth bone that costs time and changes nothing.
     """
 
     scan: Scan
@@ -88,13 +91,14 @@ class BeamFitter:
     around: Neighbours
     noise_known: bool
     settings: RobustSettings
+    edges: bool = False
 
     def fit(self, start: FloatArray, allowed: BoolArray) -> BeamFit:
         """Step from `start` (4, 4) until the points rest; points (N,) that are not `allowed` take no part.
 
         With the bone points known, their noise is symmetric; the one-sided loss of the search would leave a bias.
         """
-        s, ridge = self.settings.beam_fit, _ridge(self.settings.beam_fit)
+        s, stiffness = self.settings.beam_fit, ridge(self.settings.beam_fit)
         pose, noise, history = start, self.noise, list[Iteration]()
         beams = self._cast(pose, allowed)  # e, g [eq. 1, 2]
         for cast in range(1, s.max_casts + 1):
@@ -105,11 +109,13 @@ class BeamFitter:
                 bone, inliers = beams.bone(residual, sigma, self.around)  # P [eq. 3, 4], u [eq. 8]
                 if inliers.sum() < MIN_INLIERS:
                     return BeamFit(pose, beams.met(residual), inliers, noise, history, -np.inf)
-                noise = self._renewed(noise, beams.range_residuals(residual, inliers))
+                noise = self._renewed(noise, beams, residual, inliers)
                 history.append(_iteration(residual[inliers]))
-                previous, x = x, beams.solved(bone * inliers / sigma**2, ridge)  # w [eq. 8], x [eq. 9]
+                previous, x = x, beams.solved(bone * inliers / sigma**2, stiffness)  # w [eq. 8], x [eq. 9]
                 if beams.motion_mm(x - previous) < s.settled_mm:
                     break
+            if self.edges:
+                x = self._shortened(x, beams, pose, noise, allowed)
             pose = orthonormalised(small_motion(x, beams.centre) @ pose)  # exp(x) T
             if beams.motion_mm(x) < s.resting_mm or cast == s.max_casts:
                 break
@@ -121,18 +127,42 @@ class BeamFitter:
         likelihood = beams.likelihood(residual, sigma, self.around)  # [eq. 11]
         return BeamFit(pose, beams.met(residual), inliers, noise, history, likelihood)
 
-    def _cast(self, pose: FloatArray, allowed: BoolArray) -> CastBeams:
-        return CastBeams.at(self.scan, self.surface, pose, allowed, self.settings.beam_fit, self.settings.tissue)
+    def likelihood_at(self, pose: FloatArray, noise: NoiseModel, allowed: BoolArray) -> float:
+        """Mean log likelihood a point [eq. 11] of a pose (4, 4) as it is."""
+        return self._likelihood(self._cast(pose, allowed), pose, noise)
 
-    def _renewed(self, noise: NoiseModel, along_beam_mm: FloatArray) -> NoiseModel:
+    def _likelihood(self, beams: CastBeams, pose: FloatArray, noise: NoiseModel) -> float:
+        sigma = noise.plane_sigma(self.scan, pose[:3, :3], beams.normals)
+        return beams.likelihood(beams.signed_mm, sigma, self.around)
+
+    def _shortened(
+        self, x: FloatArray, beams: CastBeams, pose: FloatArray, noise: NoiseModel, allowed: BoolArray
+    ) -> FloatArray:
+        """The motion (6,), halved until its end is no less likely than where it begins; none if that takes too long.
+
+        Tangent planes end at edges: beyond them a beam meets another face, or nothing, and a step that the planes call
+        good may leave the minimum. (Backtracking: Nocedal, Wright, Numerical Optimization, 2006, section 3.1.)
+        """
+        here = self._likelihood(beams, pose, noise)
+        for _ in range(self.settings.edges.max_halvings):
+            if self.likelihood_at(small_motion(x, beams.centre) @ pose, noise, allowed) >= here:
+                return x
+            x = x / 2.0
+        return np.zeros(6)
+
+    def _renewed(self, noise: NoiseModel, beams: CastBeams, residual: FloatArray, inliers: BoolArray) -> NoiseModel:
         """The noise as residuals along the beam show it, where it is not known."""
         if self.noise_known:
             return noise
-        range_mm = estimated_range_noise(along_beam_mm, noise.range_mm, self.settings.noise)
-        return replace(noise, range_mm=range_mm)
+        settings = self.settings.noise
+        along_beam_mm = beams.range_residuals(residual, inliers, settings.min_residuals)
+        return replace(noise, range_mm=estimated_range_noise(along_beam_mm, noise.range_mm, settings))
+
+    def _cast(self, pose: FloatArray, allowed: BoolArray) -> CastBeams:
+        return CastBeams.at(self.scan, self.surface, pose, allowed, self.settings.beam_fit, self.settings.tissue)
 
 
-def _ridge(settings: BeamFitSettings) -> FloatArray:
+def ridge(settings: BeamFitSettings) -> FloatArray:
     """Stiffness (6,) of the a priori step of nil."""
     by_rotation = 1.0 / settings.prior_rad / settings.prior_rad
     by_translation = 1.0 / settings.prior_mm / settings.prior_mm

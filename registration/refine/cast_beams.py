@@ -119,9 +119,13 @@ class CastBeams:
         """Lengths (N,) across the tangent planes taken along the beams: single precision tells bone from tissue."""
         return (values * self.stretch).astype(np.float32)
 
-    def range_residuals(self, residual: FloatArray, inliers: BoolArray) -> FloatArray:
-        """Residuals along the beams of the `inliers` (N,) that tell the range noise: those seen from in front."""
-        return np.asarray((residual * self.stretch)[inliers & (self.cosine > self.settings.noise_min_cosine)])
+    def range_residuals(self, residual: FloatArray, inliers: BoolArray, min_count: int) -> FloatArray:
+        """Residuals along the beams of the `inliers` (N,) that tell the range noise: those seen from in front.
+
+        Of all inliers, where fewer than `min_count` are seen so.
+        """
+        facing = inliers & (self.cosine > self.settings.noise_min_cosine)
+        return np.asarray((residual * self.stretch)[facing if facing.sum() >= min_count else inliers])
 
     def likelihood(self, residual: FloatArray, sigma: FloatArray, around: Neighbours) -> float:
         """Mean log likelihood a point [eq. 11].

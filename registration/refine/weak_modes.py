@@ -74,13 +74,19 @@ def dispersion(best: FloatArray, alternatives: list[Alternative], centre: FloatA
 
 def _weakest_motion(fit: BeamFit, scan: Scan, max_sd_rad: float) -> tuple[FloatArray, FloatArray, float]:
     """Motion (6,) of one standard deviation about a centre (3,), and the rotation's standard deviation in deg."""
+    rows, sigma, centre = inlier_rows(fit, scan)
+    covariance = np.linalg.pinv(information(rows, sigma), hermitian=True)
+    variances, axes = np.linalg.eigh(covariance[:3, :3])
+    spread = float(np.sqrt(max(variances[-1], np.finfo(np.float64).tiny)))
+    motion = covariance[:, :3] @ axes[:, -1] / spread * min(1.0, max_sd_rad / spread)
+    return motion, centre, float(np.degrees(np.sqrt(max(variances.sum(), 0.0))))
+
+
+def inlier_rows(fit: BeamFit, scan: Scan) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Plane rows (M, 6) and sigmas (M,) of a fit's inliers, about their centre (3,)."""
     on = fit.inliers
     pose, normals = fit.model_from_scanner, fit.met.normals[on]
     points = transform(pose, scan.points[on])
     centre = np.asarray(points.mean(axis=0), dtype=np.float64)
     sigma = fit.noise.plane_sigma(scan, pose[:3, :3], fit.met.normals)[on]
-    covariance = np.linalg.pinv(information(plane_rows(points, normals, centre), sigma), hermitian=True)
-    variances, axes = np.linalg.eigh(covariance[:3, :3])
-    spread = float(np.sqrt(max(variances[-1], np.finfo(np.float64).tiny)))
-    motion = covariance[:, :3] @ axes[:, -1] / spread * min(1.0, max_sd_rad / spread)
-    return motion, centre, float(np.degrees(np.sqrt(max(variances.sum(), 0.0))))
+    return plane_rows(points, normals, centre), sigma, centre

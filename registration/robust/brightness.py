@@ -61,7 +61,7 @@ def without_dark_points(
     pose = near.model_from_scanner
     allowed = bright & outside_regions(transform(pose, scan.points), regions)
     bright_neighbours = np.where(np.append(bright, False)[solution.around], solution.around, len(scan))
-    fitter = BeamFitter(scan, model.surface, near.noise, bright_neighbours, scan.noise_known, settings)
+    fitter = BeamFitter(scan, model.surface, near.noise, bright_neighbours, scan.noise_known, settings, near.edges)
     fit = fitter.fit(pose, allowed)
     return replace(
         solution,

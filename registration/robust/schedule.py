@@ -11,12 +11,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from picoradar.registration._types import FloatArray
-from picoradar.registration.model import Model
-from picoradar.registration.refine import BeamFit, BeamFitter, along_weak_mode, alternatives_of, outside_regions
+from picoradar.registration.model import Closest, Model
+from picoradar.registration.refine import (
+    BeamFit,
+    BeamFitter,
+    along_weak_mode,
+    alternatives_at,
+    alternatives_of,
+    outside_regions,
+    shallow_poses,
+)
+from picoradar.registration.robust.drawing import drawn_in
 from picoradar.registration.scan import NoiseModel, Scan, initial_noise
 from picoradar.registration.se3 import transform
 from picoradar.registration.search import ANYWHERE, Candidate, Cone, Search, difference
-from picoradar.registration.settings import RobustSettings, ScheduleSettings
+from picoradar.registration.settings import RobustSettings
 from picoradar.registration.solution import Rival, Solution
 
 
@@ -45,10 +54,12 @@ def register_robust(
     sigma = initial_noise(scan, noise_mm, settings.noise)
     cone = start if isinstance(start, Cone) else ANYWHERE
     search = Search(scan, model, sigma, settings, cone)
-    fits = _Fits(search, regions, noise_mm is not None or scan.noise_known)
+    noise_known = noise_mm is not None or scan.noise_known
     if isinstance(start, np.ndarray):
-        return fits.solved(search.about(start), confident=True)
-    candidates = search.from_anywhere()
+        candidates = drawn_in(search, search.about(start), regions, symmetric=False)
+        return _Fits.of(search, candidates, regions, noise_known=noise_known).solved(candidates, confident=True)
+    candidates = drawn_in(search, search.from_anywhere(), regions, symmetric=True)
+    fits = _Fits.of(search, candidates, regions, noise_known=noise_known)
     return fits.solved(candidates, confident=search.confident(candidates))
 
 
@@ -57,28 +68,38 @@ def register_near(
 ) -> Solution:
     """Register a scan near a pose (4, 4) that was found with other points of it; regions as above."""
     search = Search(scan, model, initial_noise(scan, None, settings.noise), settings)
-    return _Fits(search, regions, scan.noise_known).solved(search.near(solved), confident=True, also=[solved])
+    candidates = search.near(solved)
+    fits = _Fits.of(search, candidates, regions, noise_known=scan.noise_known)
+    return fits.solved(candidates, confident=True, also=[solved])
 
 
 @dataclass(frozen=True)
 class _Fits:
-    """Beam fits of what a search found."""
+    """Beam fits of what a search found; with `edges`, away from sockets, where sharp edges may hold the pose."""
 
     search: Search
     regions: FloatArray
     noise_known: bool
+    edges: bool
+
+    @classmethod
+    def of(cls, search: Search, candidates: list[Candidate], regions: FloatArray, *, noise_known: bool) -> _Fits:
+        """Fits of these candidates."""
+        return cls(search, regions, noise_known, edges=not candidates[0].view.is_socket)
 
     def solved(self, candidates: list[Candidate], *, confident: bool, also: Sequence[FloatArray] = ()) -> Solution:
         """Fit the likeliest candidates, and poses (4, 4) `also`, and take the best."""
         settings, scan, thin = self.search.settings, self.search.scan, self.search.descent.thin
         # 1. The candidates that may be the best when the beams are cast.
-        chosen, others = worth_a_fit(candidates, len(thin), settings.schedule)
+        chosen, others = worth_a_fit(candidates, len(thin), settings)
         starts = [*(c.model_from_scanner for c in chosen), *also]
         # 2. Of a large scan, first on some of its points.
         if thin is not scan:
             starts = [self.fitted(start, thin).model_from_scanner for start in starts]
         # 3. On all points [eq. 1 to 9].
         fits = [self.fitted(start, scan) for start in starts]
+        if self.edges:  # what is nearly as likely beside the likeliest may lead to a likelier minimum [eq. 14]
+            fits += [self.fitted(pose, scan) for pose, _ in self.shallow(max(fits, key=_log_likelihood))]
         # 4. Along the weak mode of the likeliest [eq. 12].
         likeliest = max(fits, key=_log_likelihood)
         walk = along_weak_mode(likeliest, scan, lambda pose: self.fitted(pose, scan), settings.weak_mode)
@@ -89,9 +110,13 @@ class _Fits:
         ends += [(c.model_from_scanner, c.log_likelihood + offset) for c in others]
         # 6. What the judgement needs to know.
         independent = min(len(scan), settings.tissue.independent_points)
+        alternatives = alternatives_of(best, walk, independent, settings.weak_mode)
+        if self.edges:
+            alternatives += alternatives_at(self.shallow(best), independent, settings.weak_mode.e_fold_nats)
+        closest = best.closest(scan, self.search.model.surface)
         return Solution(
             model_from_scanner=best.model_from_scanner,
-            closest=best.closest(scan, self.search.model.surface),
+            closest=closest,
             inliers=best.inliers,
             history=best.history,
             rivals=rivals_of(best.model_from_scanner, ends, self.search.middle, settings),
@@ -100,7 +125,9 @@ class _Fits:
             cost=-best.log_likelihood,
             method="robust",
             confident=confident,
-            alternatives=alternatives_of(best, walk, independent, settings.weak_mode),
+            alternatives=alternatives,
+            edges=self.edges,
+            beside_share=self.beside_share(best, closest),
         )
 
     def fitted(self, start: FloatArray, scan: Scan) -> BeamFit:
@@ -108,7 +135,24 @@ class _Fits:
         settings, surface = self.search.settings, self.search.model.surface
         noise = NoiseModel.of(self.search.sigma_mm, settings.noise)
         allowed = outside_regions(transform(start, scan.points), self.regions)
-        return BeamFitter(scan, surface, noise, scan.around, self.noise_known, settings).fit(start, allowed)
+        fitter = BeamFitter(scan, surface, noise, scan.around, self.noise_known, settings, self.edges)
+        return fitter.fit(start, allowed)
+
+    def shallow(self, fit: BeamFit) -> list[tuple[FloatArray, float]]:
+        """Poses beside a fit that the beams hardly tell from it, with what their likelihoods lack [eq. 14]."""
+        settings, thin = self.search.settings, self.search.descent.thin
+        fitter = BeamFitter(thin, self.search.model.surface, fit.noise, thin.around, self.noise_known, settings)
+        allowed = outside_regions(transform(fit.model_from_scanner, thin.points), self.regions)
+        return shallow_poses(
+            fit, self.search.scan, lambda pose: fitter.likelihood_at(pose, fit.noise, allowed), settings
+        )
+
+    def beside_share(self, fit: BeamFit, closest: Closest) -> float:
+        """Share of the points just beside a closed model whose beams pass it by: nothing sends light back there."""
+        if not (self.edges and self.search.model.closed):
+            return 0.0
+        near = np.abs(closest.signed_mm) < self.search.settings.edges.beside_mm
+        return float(np.mean((fit.met.faces < 0) & near))
 
 
 def _log_likelihood(fit: BeamFit) -> float:
@@ -116,16 +160,16 @@ def _log_likelihood(fit: BeamFit) -> float:
 
 
 def worth_a_fit(
-    candidates: list[Candidate], points: int, settings: ScheduleSettings
+    candidates: list[Candidate], points: int, settings: RobustSettings
 ) -> tuple[list[Candidate], list[Candidate]]:
     """Candidates that are fitted, the likeliest first, and the others.
 
     Those nearly as likely as the best on the fields of the search; and the one that most starts ended at, for fields
     can flatter a wrong pose by more than that.
     """
-    max_fits, within_nats = settings.max_fits, settings.fit_within_nats
-    if candidates[0].view.whole:
-        max_fits, within_nats = settings.whole_max_fits, settings.whole_fit_within_nats
+    max_fits, within_nats = settings.schedule.max_fits, settings.schedule.fit_within_nats
+    if not candidates[0].view.is_socket:
+        max_fits, within_nats = settings.edges.max_fits, np.inf
     lowest = candidates[0].log_likelihood - within_nats / points
     most_met = max(candidates, key=lambda c: c.hits)
     chosen = [c for k, c in enumerate(candidates) if (k < max_fits and c.log_likelihood >= lowest) or c is most_met]

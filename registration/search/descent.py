@@ -68,6 +68,15 @@ class Descent:
         given = Poses(rotations.astype(np.float32), shifts.astype(np.float32))
         return self._refined(view, self.middle, given, np.ones(len(poses), dtype=np.int64), len(poses))
 
+    def rated(self, view: View, given: FloatArray) -> Candidate:
+        """A pose (4, 4) as it is, as a candidate that no survivor ended at."""
+        rotations = given[None, :3, :3]
+        shifts = rotations @ self.middle + given[None, :3, 3] - view.centre
+        poses = Poses(rotations.astype(np.float32), shifts.astype(np.float32))
+        beams = Beams.of(self.thin.points - self.middle, self.thin.beams)
+        _, likelihood = refined(view.fine, poses, beams, self.thin.around, self.sigma_mm, (0, 0), self.settings)
+        return Candidate(given, float(likelihood[0]), 0, view)
+
     def _refined(self, view: View, centre: FloatArray, given: Poses, hits: IntArray, count: int) -> list[Candidate]:
         """Refine all a little and the best `count` of them to the end."""
         search = self.settings.search

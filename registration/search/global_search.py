@@ -61,17 +61,20 @@ class Search:
                 continue
             # 2. A closer look about the best minimum, unless it is clear and many starts ended there.
             if not self._clear(found) or found[0].hits < search.well_met_hits:
-                found = self._joined(found, self._near_best(found, number))
+                found = self.joined(found, self._near_best(found, number))
             # 3. Other starts, points and spheres in a further round, until the best is clear or has won again.
             if number + 1 >= min_rounds and (self._clear(found) or (number > 0 and self.confident(found))):
                 break
         if not found:
             raise StartError("no pose within the cone of directions explains the points: widen it, or search anywhere")
         # 4. Of a whole body, the poses that its symmetry may make equivalent.
-        return self._joined(found, self._quarter_turns(found[0])) if found[0].view.whole else found
+        if not found[0].view.whole:
+            return found
+        turned = self.descent.from_poses(found[0].view, self.quarter_turns(found[0]))
+        return self.joined(found, [replace(c, hits=0) for c in turned])
 
     def about(self, start: FloatArray) -> list[Candidate]:
-        """Distinct minima within `start_cone_deg` of a start pose (4, 4), best first."""
+        """Distinct minima within `start_cone_deg` of a start pose (4, 4), best first, and the start itself."""
         search = self.settings.search
         view = self.starts.view_at(start)
         centre = transform(inverse(start), view.centre[None])[0]
@@ -87,7 +90,8 @@ class Search:
             found = merged(found, more, self.middle, search, bonus=search.confident_hits)
             if self._clear(found) or (number > 0 and self.confident(found)):
                 break
-        return found
+        given = [self.descent.rated(view, start)]
+        return merged(found, given, self.middle, search) if view.is_socket else [*found, *given]
 
     def near(self, solved: FloatArray) -> list[Candidate]:
         """Distinct minima near a pose (4, 4) that other points led to, best first."""
@@ -106,7 +110,7 @@ class Search:
         margin_nats = (found[0].log_likelihood - found[1].log_likelihood) * len(self.descent.thin)
         return margin_nats > self.settings.search.clear_nats
 
-    def _joined(self, found: list[Candidate], more: list[Candidate], *, bonus: int = 0) -> list[Candidate]:
+    def joined(self, found: list[Candidate], more: list[Candidate], *, bonus: int = 0) -> list[Candidate]:
         """Both lists in one, without what lies outside the cone."""
         search, cone, towards = self.settings.search, self.starts.cone, self.starts.towards
         inside = [c for c in more if cone.holds(c.model_from_scanner[:3, :3] @ towards, search.cone_margin_deg)]
@@ -118,7 +122,7 @@ class Search:
         for index in self.starts.likely_first():
             if anchors[index]:
                 more = self._round(self.model.views[index], anchors[index], number)
-                found = self._joined(found, more, bonus=self.settings.search.confident_hits)
+                found = self.joined(found, more, bonus=self.settings.search.confident_hits)
             if number == 0 and found and self._clear(found):
                 break
         return found
@@ -153,8 +157,8 @@ class Search:
         stages = self.settings.search.near_stages
         return self.descent.from_starts(view, centre, order, rotations, np.zeros((starts, 3)), stages)
 
-    def _quarter_turns(self, best: Candidate) -> list[Candidate]:
-        """The pose turned by quarters about the principal axes of the whole model.
+    def quarter_turns(self, best: Candidate) -> FloatArray:
+        """The pose turned by quarters about the principal axes of the whole model, (9, 4, 4).
 
         Manufactured bodies are symmetric, and a symmetry-equivalent pose that no round happened to reach makes a pose
         no less ambiguous.
@@ -162,8 +166,7 @@ class Search:
         centroid, axes = self.model.surface.principal_frame
         quarters = [k * np.pi / 2.0 * axis for axis in axes.T for k in (1.0, 2.0, 3.0)]
         turns = [small_motion(np.concatenate([turn, np.zeros(3)]), centroid) for turn in quarters]
-        poses = np.stack([turn @ best.model_from_scanner for turn in turns])
-        return [replace(c, hits=0) for c in self.descent.from_poses(best.view, poses)]
+        return np.stack([turn @ best.model_from_scanner for turn in turns])
 
     def _order(self, view: View, centre: FloatArray, number: int, *, stratified: bool) -> IntArray:
         """Order (N,) in which the stages of a round take the points."""

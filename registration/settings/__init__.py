@@ -5,6 +5,7 @@ does to poses, verdicts and CPU time is measured by ``benchmarks/registration/se
 ``docs/registration.md``, section "Sensitivity". Equation numbers are those of that document.
 """
 
+from picoradar.registration.settings.edges import EdgeSettings
 from picoradar.registration.settings.fit import BeamFitSettings, BrightnessSettings, WeakModeSettings
 from picoradar.registration.settings.preparation import (
     HollowSettings,
@@ -20,6 +21,7 @@ from picoradar.registration.settings.trust import TrustSettings
 __all__ = [
     "BeamFitSettings",
     "BrightnessSettings",
+    "EdgeSettings",
     "HollowSettings",
     "NoiseSettings",
     "PreparationSettings",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from picoradar.registration.settings.edges import EdgeSettings
 from picoradar.registration.settings.fit import BeamFitSettings, BrightnessSettings, WeakModeSettings
 from picoradar.registration.settings.preparation import SphereSettings
 from picoradar.registration.settings.scan import NoiseSettings, TissueSettings
@@ -20,12 +21,6 @@ class ScheduleSettings:
 
     fit_within_nats: float = 60.0
     """Candidates are fitted whose total log likelihood is within this of the best one's: fields flatter wrong poses."""
-
-    whole_max_fits: int = 5
-    """The same on a whole body: a field rounds its edges and so parts poses that are equal when beams are cast."""
-
-    whole_fit_within_nats: float = 200.0
-    """The same on a whole body."""
 
     max_rivals: int = 5
     """Rivals reported at most."""
@@ -47,5 +42,6 @@ class RobustSettings:
     schedule: ScheduleSettings = field(default_factory=ScheduleSettings)
     beam_fit: BeamFitSettings = field(default_factory=BeamFitSettings)
     weak_mode: WeakModeSettings = field(default_factory=WeakModeSettings)
+    edges: EdgeSettings = field(default_factory=EdgeSettings)
     brightness: BrightnessSettings = field(default_factory=BrightnessSettings)
     trust: TrustSettings = field(default_factory=TrustSettings)

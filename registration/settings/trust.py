@@ -48,6 +48,12 @@ class TrustSettings:
     inside_fail_share: float = 0.03
     """Share of points inside bone that fails."""
 
+    beside_caution_share: float = 0.005
+    """Share of points just beside a closed model that makes a caution.
+
+    Of bodies with edges, right poses have at most 0.0015, most wrong ones 0.004 and more.
+    """
+
     misfit_caution_share: float = 0.15
     """Departure of whole patches that makes a caution, as a share of the tolerance at the targets.
 

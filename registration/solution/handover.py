@@ -60,7 +60,11 @@ class Solution:
     confident : bool
         The search reached this minimum often or clearly enough to trust that it missed no better one.
     alternatives : list of Alternative
-        Ends of the walk along the weak mode.
+        Ends of the walk along the weak mode, and poses that the beams hardly tell from this one.
+    edges : bool
+        Sharp edges may hold the pose: it was not found in a socket.
+    beside_share : float
+        Share of the points that lie just beside a closed model, where nothing sends light back.
     """
 
     model_from_scanner: FloatArray
@@ -74,3 +78,5 @@ class Solution:
     method: str
     confident: bool = True
     alternatives: list[Alternative] = field(default_factory=list)
+    edges: bool = False
+    beside_share: float = 0.0

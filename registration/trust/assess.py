@@ -155,6 +155,7 @@ def _evidence(
         points=len(scan),
         inliers=int(solution.inliers.sum()),
         inside_share=float(np.mean(solution.closest.signed_mm < deep_inside)),
+        beside_share=solution.beside_share,
         misfit_mm=fit.misfit_mm,
         rivals=[r for r in solution.rivals if (r.cost - solution.cost) * independent < trust.plausible_nats],
         confident=solution.confident,

@@ -30,6 +30,8 @@ class Evidence:
     points, inliers : int
     inside_share : float
         Share of points clearly inside bone, where no beam can end.
+    beside_share : float
+        Share of points just beside a closed model, whose beams pass it by.
     misfit_mm : float
         Departure of the model from the points that neighbours share.
     rivals : list of Rival
@@ -43,6 +45,7 @@ class Evidence:
     points: int
     inliers: int
     inside_share: float
+    beside_share: float
     misfit_mm: float
     rivals: list[Rival]
     confident: bool
@@ -59,6 +62,11 @@ def judge(evidence: Evidence, tolerance: Tolerance, settings: TrustSettings) -> 
         (fails if evidence.inside_share > settings.inside_fail_share else cautions).append(
             f"{evidence.inside_share:.1%} of the points lie inside bone, where no beam can end: the model may be "
             "another bone, or mirrored."
+        )
+    if evidence.beside_share > settings.beside_caution_share:
+        cautions.append(
+            f"{evidence.beside_share:.1%} of the points lie just beside the model, where nothing sends light back: "
+            "the pose may be wrong, or something else stands there."
         )
     if evidence.misfit_mm > settings.misfit_caution_share * tolerance.target_mm:
         (fails if evidence.misfit_mm > settings.misfit_fail_share * tolerance.target_mm else cautions).append(
