@@ -119,3 +119,12 @@ def test_points_just_beside_a_closed_body_make_a_pass_a_caution(
     assert largest_error(found, seen, np.eye(4))[1] < 0.05
     assert found.verdict == verdict, found.reasons
     assert any("just beside the model" in reason for reason in found.reasons) == (verdict == "caution")
+
+
+def test_a_face_and_a_strip_of_its_neighbour_fit_the_neighbour_as_well() -> None:
+    """Of this wedge a face and strips of two others are seen, which a half turn about its edge maps onto each other."""
+    scene = make_scene(400_835)
+    found = scene.register()
+    assert found.verdict == "caution"
+    poses = [found.model_from_scanner, *(rival.model_from_scanner for rival in found.rivals)]
+    assert min(scene.errors(pose)[0] for pose in poses) < 0.05
