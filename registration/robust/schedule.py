@@ -60,7 +60,8 @@ def register_robust(
         return _Fits.of(search, candidates, regions, noise_known=noise_known).solved(candidates, confident=True)
     candidates = drawn_in(search, search.from_anywhere(), regions, symmetric=True)
     fits = _Fits.of(search, candidates, regions, noise_known=noise_known)
-    return fits.solved(candidates, confident=search.confident(candidates))
+    met = not fits.edges or candidates[0].hits > 0  # else a turn alone led there, and no start
+    return fits.solved(candidates, confident=met and search.confident(candidates))
 
 
 def register_near(

@@ -61,13 +61,6 @@ class Descent:
         first, hits = distinct(survived, self.settings.search)
         return self._refined(view, centre, survived.at(first), hits, self.settings.search.max_refined)
 
-    def from_poses(self, view: View, poses: FloatArray) -> list[Candidate]:
-        """Distinct candidates about the `poses` (K, 4, 4), refined, best first, each counted once."""
-        rotations = poses[:, :3, :3]
-        shifts = rotations @ self.middle + poses[:, :3, 3] - view.centre
-        given = Poses(rotations.astype(np.float32), shifts.astype(np.float32))
-        return self._refined(view, self.middle, given, np.ones(len(poses), dtype=np.int64), len(poses))
-
     def rated(self, view: View, given: FloatArray) -> Candidate:
         """A pose (4, 4) as it is, as a candidate that no survivor ended at."""
         rotations = given[None, :3, :3]

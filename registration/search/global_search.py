@@ -67,11 +67,7 @@ class Search:
                 break
         if not found:
             raise StartError("no pose within the cone of directions explains the points: widen it, or search anywhere")
-        # 4. Of a whole body, the poses that its symmetry may make equivalent.
-        if not found[0].view.whole:
-            return found
-        turned = self.descent.from_poses(found[0].view, self.quarter_turns(found[0]))
-        return self.joined(found, [replace(c, hits=0) for c in turned])
+        return found
 
     def about(self, start: FloatArray) -> list[Candidate]:
         """Distinct minima within `start_cone_deg` of a start pose (4, 4), best first, and the start itself."""
@@ -158,14 +154,20 @@ class Search:
         return self.descent.from_starts(view, centre, order, rotations, np.zeros((starts, 3)), stages)
 
     def quarter_turns(self, best: Candidate) -> FloatArray:
-        """The pose turned by quarters about the principal axes of the whole model, (9, 4, 4).
+        """The pose turned by quarters about the principal axes of the whole model, and of the cloud, (18, 4, 4).
 
-        Manufactured bodies are symmetric, and a symmetry-equivalent pose that no round happened to reach makes a pose
-        no less ambiguous.
+        Manufactured bodies are symmetric, and so may be what is seen of others; a symmetry-equivalent pose that no
+        round happened to reach makes a pose no less ambiguous.
         """
-        centroid, axes = self.model.surface.principal_frame
-        quarters = [k * np.pi / 2.0 * axis for axis in axes.T for k in (1.0, 2.0, 3.0)]
-        turns = [small_motion(np.concatenate([turn, np.zeros(3)]), centroid) for turn in quarters]
+        seen = transform(best.model_from_scanner, self.descent.thin.points)
+        middle = np.asarray(seen.mean(axis=0), dtype=np.float64)
+        about_cloud = middle, np.linalg.eigh((seen - middle).T @ (seen - middle))[1]
+        turns = [
+            small_motion(np.concatenate([k * np.pi / 2.0 * axis, np.zeros(3)]), centre)
+            for centre, axes in (self.model.surface.principal_frame, about_cloud)
+            for axis in axes.T
+            for k in (1.0, 2.0, 3.0)
+        ]
         return np.stack([turn @ best.model_from_scanner for turn in turns])
 
     def _order(self, view: View, centre: FloatArray, number: int, *, stratified: bool) -> IntArray:
