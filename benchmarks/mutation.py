@@ -35,7 +35,9 @@ that no input makes their result differ in a way that matters. Results: `benchma
 |---|---|---|---|---|---|---|"""
 
 RANGING = ["tests/instrument/test_ranging*.py"]
-CONTROLLER = ["tests/instrument/test_controller*.py", "tests/instrument/test_laser_class.py"]
+CONTROLLER = ["tests/instrument/controller/test_*.py", "tests/instrument/test_controller_safety.py"]
+INTERLOCKS = [f"tests/instrument/test_controller_{of}.py" for of in ("interlocks", "docs")]
+QUALITY = ["tests/registration/test_quality.py"]
 CODES = "tests/drivers/test_wire_codes.py"
 TESTS: dict[str, list[str]] = {
     "instrument/ranging/template_fit.py": RANGING,
@@ -43,13 +45,17 @@ TESTS: dict[str, list[str]] = {
     "instrument/ranging/pulses.py": RANGING,
     "instrument/ranging/pair.py": RANGING,
     "instrument/controller/safety.py": CONTROLLER,
-    "instrument/controller/interlocks.py": CONTROLLER,
+    "instrument/controller/interlocks.py": INTERLOCKS,
     "instrument/controller/run.py": CONTROLLER,
     "instrument/controller/supervision.py": CONTROLLER,
     "registration/refine/beam_fit.py": ["tests/registration/*.py"],
     "registration/refine/weak_modes.py": ["tests/registration/*.py"],
-    "registration/scan/tissue.py": ["tests/registration/*.py"],
-    "registration/trust/covariance.py": ["tests/registration/*.py"],
+    "registration/scan/tissue.py": [
+        *QUALITY,
+        "tests/registration/test_beam_fit.py",
+        "tests/registration/test_raster.py",
+    ],
+    "registration/trust/covariance.py": QUALITY,
     "registration/trust/verdict.py": ["tests/registration/*.py"],
     "drivers/dg645/wire.py": ["tests/drivers/test_dg645*.py", CODES],
     "drivers/genesys/wire.py": ["tests/drivers/test_genesys*.py", CODES],

@@ -1,0 +1,389 @@
+"""A run on a scripted bench: the order of all steps, what is written down, and how it ends."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from picoradar.drivers.errors import DeviceFault, LinkLost
+from picoradar.instrument.controller import disk
+from picoradar.instrument.errors import InterlockTripped
+
+ALL = ["sampler.status", "pulser.status", "diode.status", "galvo.ready"]
+DARK = ["sampler.gate_off", "pulser.off", "sampler.stop", "galvo.park"]
+VERIFIED = {"gate": "verified", "pulser": "verified", "run": "verified", "mirrors": "verified"}
+LINE_S = 0.5
+
+
+@pytest.fixture(autouse=True)
+def free_bytes(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
+    """Room on the disk; a line takes 1000."""
+    free = {"free": 1e6}
+    monkeypatch.setattr(disk.shutil, "disk_usage", lambda _path: SimpleNamespace(**free))
+    return free
+
+
+def kinds(script: Any) -> list[tuple[str, str | None]]:
+    return [(kind, state) for _, kind, state, _ in script.told("event")]
+
+
+def test_a_scan_takes_its_steps_in_order_and_ends_dark_and_written_down(script: Any) -> None:
+    script.always["galvo.park"] = lambda: script.clock.sleep(0.25)
+    outcome = script.run().run()
+    asked = script.asked()
+    assert asked[:11] == [
+        *ALL, "sampler.status", "pulser.configure", "job.configure", "sampler.heartbeat", "pulser.on",
+        "sampler.gate_on", "event laser on",
+    ]  # fmt: skip
+    first = asked.index("line 0")
+    assert asked[first : first + 3] == ["line 0", "sampler.status", "append"]  # judged before it is kept
+    assert asked[-6:] == [*DARK, "event safe state", "finish"]
+    assert (outcome.stop_reason, outcome.lines, outcome.points) == ("complete", 3, 9)
+    assert outcome.flags == {"no echo": 3, "mixed": 6}
+    assert outcome.device_time_s == pytest.approx(3 * LINE_S)  # from the first place, not from the light
+    assert outcome.dark_s == pytest.approx(0.25)
+    assert [index for index, _ in script.told("line")] == [0, 1, 2]
+    assert [at for _, at in script.told("line")] == pytest.approx(script.times("append"))
+    assert kinds(script) == [("laser on", "scanning"), ("safe state", "ready")]
+    assert script.told("event")[-1][3] == VERIFIED
+    (finish,) = script.told("finish")
+    summary = {"device_time_s": outcome.device_time_s, "flags": {"no echo": 3, "mixed": 6}, "suspended": []}
+    assert finish == ("complete", True, summary)
+    assert script.told("state")[3:] == [("start_scan", "scanning"), ("end_scan", "ready")]
+    assert script.told("info")[-1][0] == "scan ended"
+    beats = len(script.times("sampler.heartbeat"))
+    script.clock.sleep(2.0)
+    assert len(script.times("sampler.heartbeat")) == beats
+
+
+def test_a_job_without_rows_makes_no_light(script: Any) -> None:
+    script.rows = []
+    assert script.run().run().stop_reason == "complete"
+    assert script.asked() == [*DARK, "event safe state", "finish"]
+    assert script.machine.state == "ready"
+
+
+@pytest.mark.parametrize(("way", "lines"), [("finish", 2), ("abort", 1), ("interrupt", 1)])
+def test_what_was_asked_for_is_obeyed_at_its_place(script: Any, way: str, lines: int) -> None:
+    script.acts["append"] = [lambda: script.clock.call_at(script.clock.now() + 0.2, lambda: script.requests.put(way))]
+    outcome = script.run().run()
+    assert outcome.lines == lines
+    assert outcome.stop_reason == {"finish": "finished early", "abort": "aborted", "interrupt": "interrupted"}[way]
+    assert script.machine.state == "ready"
+    assert script.told("finish")[0][:2] == (outcome.stop_reason, True)
+
+
+def test_memory_is_stored_before_the_line_that_it_belongs_to(script: Any) -> None:
+    script.memory = {"reference": 7400.0}
+    script.run().run()
+    told = [what for what in script.asked() if what in ("append", "event memory")]
+    assert told == ["event memory", "append"] * 3
+    events = [fields for _, kind, _, fields in script.told("event") if kind == "memory"]
+    assert events == [{"line": k, "reference": 7400.0} for k in range(3)]
+
+
+def test_a_viewer_that_fails_is_left_out_and_the_others_go_on(script: Any) -> None:
+    seen: list[tuple[str, int]] = []
+
+    def broken(line: Any) -> None:
+        seen.append(("broken", line.index))
+        raise RuntimeError("no display")
+
+    script.run(broken, lambda line: seen.append(("sound", line.index))).run()
+    assert seen == [("broken", 0), ("sound", 0), ("sound", 1), ("sound", 2)]
+    assert script.told("error") == [
+        ("sink failed and is left out", {"line": 0, "error": "RuntimeError('no display')"}),
+    ]
+
+
+# Failures
+
+
+def test_a_defect_ends_dark_in_fault_and_is_written_down(script: Any) -> None:
+    script.fails("line 1", RuntimeError("a defect"))
+    with pytest.raises(RuntimeError, match="a defect"):
+        script.run().run()
+    assert (script.machine.state, script.machine.cause) == ("fault", "a defect")
+    assert script.asked()[-6:] == [*DARK, "event safe state", "finish"]
+    assert kinds(script)[-1] == ("safe state", "fault")
+    assert script.told("finish")[0][:2] == ("RuntimeError: a defect", True)
+
+
+def test_a_failure_without_words_is_named_by_its_kind(script: Any) -> None:
+    script.fails("line 1", KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt):
+        script.run().run()
+    assert script.machine.cause == "KeyboardInterrupt"
+
+
+@pytest.mark.parametrize("what", ["event safe state", "finish"])
+def test_the_first_failure_is_the_one_that_is_raised(script: Any, what: str) -> None:
+    script.fails("line 1", RuntimeError("a defect"))
+    script.fails(what, OSError("the disk is full"))
+    with pytest.raises(RuntimeError, match="a defect"):
+        script.run().run()
+    assert script.told("error")[-1][0] == "the end of the scan could not be recorded"
+
+
+def test_an_interlock_before_the_light_refuses_the_scan_and_leaves_it_ready(script: Any) -> None:
+    script.interlock_closed = False
+    with pytest.raises(InterlockTripped, match="interlock line"):
+        script.run().run()
+    assert script.machine.state == "ready"
+    assert not {"pulser.on", "pulser.configure", "diode.off"} & set(script.asked())
+    assert script.told("finish")[0][0].startswith("InterlockTripped: ")
+
+
+def test_an_interlock_of_the_gravest_kind_latches_before_the_light_and_stops_the_diode(script: Any) -> None:
+    script.regulating = False
+    with pytest.raises(InterlockTripped, match="diode regulation"):
+        script.run().run()
+    assert script.machine.state == "fault"
+    assert script.asked()[-7:-2] == [*DARK, "diode.off"]
+
+
+def test_another_failure_before_the_light_is_a_fault(script: Any) -> None:
+    script.fails("pulser.configure", DeviceFault("pulser", "refused"))
+    with pytest.raises(DeviceFault):
+        script.run().run()
+    assert script.machine.state == "fault"
+
+
+def test_an_interlock_in_the_light_is_a_fault_and_not_waited_for(script: Any) -> None:
+    script.acts["line 1"] = [lambda: setattr(script, "gate", "locked")]
+    with pytest.raises(InterlockTripped, match="gate"):
+        script.run().run()
+    assert script.machine.state == "fault"
+    assert "diode.off" not in script.asked()
+    assert script.told("finish")[0][2]["suspended"] == []
+
+
+def test_a_refusal_names_the_interlock_behind_it(script: Any) -> None:
+    def refuse() -> None:
+        script.interlock_closed = False
+        raise DeviceFault("pulser", "refused")
+
+    script.acts["pulser.on"] = [refuse]
+    with pytest.raises(DeviceFault):
+        script.run().run()
+    assert script.machine.cause.startswith("pulser: refused; interlock 'interlock line': ")
+    script.machine.clear()
+
+
+def test_a_disk_that_is_too_small_refuses_the_scan(script: Any, free_bytes: dict[str, float]) -> None:
+    free_bytes["free"] = 2999.0
+    with pytest.raises(InterlockTripped, match="3 lines take"):
+        script.run().run()
+    assert script.asked() == [*DARK, "event safe state", "finish"]
+    assert script.machine.state == "ready"
+
+
+def test_light_that_cannot_be_proven_off_is_a_fault_of_a_scan_that_was_complete(script: Any) -> None:
+    script.fails("sampler.gate_off", LinkLost("sampler", "gone"))
+    script.fails("pulser.off", LinkLost("pulser", "gone"))
+    outcome = script.run().run()
+    assert outcome.stop_reason == "complete"
+    assert script.machine.state == "fault"
+    assert script.machine.cause.startswith("LASER NOT VERIFIED OFF")
+    assert script.told("finish")[0][:2] == ("complete", False)
+    assert script.told("critical")[-1][0] == "scan ended"
+    assert script.asked().count("finish") == 1
+
+
+# Waiting
+
+
+def test_a_pause_is_dark_until_somebody_asks_to_go_on(script: Any) -> None:
+    script.acts["append"] = [lambda: script.requests.put("pause")]
+    script.acts["event pause"] = [
+        lambda: script.clock.call_at(script.clock.now() + 7.04, lambda: script.requests.put("resume"))
+    ]
+    outcome = script.run().run()
+    dark = script.times("sampler.gate_off")[0]
+    on = script.times("sampler.gate_on")[1]
+    assert 7.04 <= on - dark <= 7.04 + 0.11
+    paused = script.asked()[script.asked().index("sampler.gate_off") :]
+    assert paused[:5] == [*DARK, "event pause"]
+    assert paused[5:15] == [
+        *ALL, "sampler.status", "pulser.configure", "job.configure", "sampler.heartbeat", "pulser.on",
+        "sampler.gate_on",
+    ]  # fmt: skip
+    assert script.told("state")[3:] == [
+        ("start_scan", "scanning"), ("pause", "paused"), ("resume", "scanning"), ("end_scan", "ready"),
+    ]  # fmt: skip
+    assert script.told("event")[1][1:] == ("pause", "paused", {"cause": "", **VERIFIED})
+    assert (outcome.lines, outcome.suspended) == (3, [])
+    settled = script.times("line 1")[0] - on
+    assert settled >= 2.0 + LINE_S  # the diode is waited for after each new light
+    assert outcome.device_time_s == pytest.approx(script.times("append")[-1] - script.times("line 0")[0] + LINE_S)
+
+
+def test_a_line_in_which_the_diode_left_its_band_is_taken_again_when_it_is_back(script: Any) -> None:
+    def warm() -> None:
+        script.degc = 23.3
+        script.clock.call_at(script.clock.now() + 20.0, lambda: setattr(script, "degc", 23.0))
+
+    script.rows = list(range(20))
+    script.acts["line 1"] = [warm]
+    outcome = script.run().run()
+    assert [index for index, _ in script.told("line")] == script.rows
+    assert len(outcome.suspended) == 1
+    assert "diode temperature" in outcome.suspended[0]
+    event = next(e for e in script.told("event") if e[1] == "suspend")
+    assert event[2] == "suspended"
+    assert event[3] == {"cause": outcome.suspended[0], **VERIFIED}
+    assert ("recover", "scanning") in script.told("state")
+    assert script.told("finish")[0][2]["suspended"] == outcome.suspended
+    on = script.times("sampler.gate_on")[1]
+    waited = on - script.times("sampler.gate_off")[0]
+    assert waited == pytest.approx(0.1 + 0.2 + 0.4 + 0.8 + 1.6 + 3.2 + 5.0 + 5.0 + 5.0)  # the back-off, past the 20 s
+    assert "sampler.heartbeat" not in [w for t, w in script.calls if on - waited < t < on]
+
+
+def test_a_lost_link_is_opened_anew_and_the_line_taken_again(script: Any) -> None:
+    script.fails("line 1", LinkLost("galvo", "gone"))
+    script.fails("galvo.ready", None, None)
+    outcome = script.run().run()
+    assert outcome.suspended == ["galvo: gone"]
+    dark = script.asked().index("sampler.gate_off")
+    assert script.asked()[dark : dark + 4] == DARK
+    assert script.times("sampler.gate_on")[1] - script.times("sampler.gate_off")[0] == pytest.approx(0.1)
+    assert outcome.lines == 3
+
+
+def test_the_device_whose_link_is_lost_is_asked_last(script: Any) -> None:
+    script.fails("line 1", LinkLost("sampler", "gone"))
+    script.run().run()
+    dark = script.asked().index("pulser.off")
+    assert script.asked()[dark : dark + 4] == ["pulser.off", "galvo.park", "sampler.gate_off", "sampler.stop"]
+    script.fails("line 1", *[LinkLost("sampler", "gone")] * 4)
+    with pytest.raises(LinkLost):
+        script.run().run()
+    assert script.asked()[-6:-2] == ["pulser.off", "galvo.park", "sampler.gate_off", "sampler.stop"]
+
+
+def away(script: Any) -> None:
+    """The galvo's link is lost for good."""
+
+    def gone() -> None:
+        raise LinkLost("galvo", "gone")
+
+    script.always["galvo.ready"] = script.always["galvo.open"] = gone
+    gone()
+
+
+def test_a_link_that_stays_away_ends_the_scan_after_a_minute(script: Any) -> None:
+    script.acts["line 1"] = [lambda: away(script)]
+    with pytest.raises(LinkLost):
+        script.run().run()
+    first, *_, last = script.times("galvo.open")
+    assert first == pytest.approx(script.times("line 1")[0] + 0.1)
+    assert 60.0 <= last - first + 0.1 <= 65.0
+    assert script.machine.state == "fault"
+    assert ("link still away", {"cause": "galvo: gone"}) in script.told("info")
+
+
+def test_a_link_that_is_lost_in_the_dark_before_the_gate_opens_is_waited_for_again(script: Any) -> None:
+    script.fails("line 1", LinkLost("galvo", "gone"))
+    script.fails("pulser.on", None, LinkLost("pulser", "gone"))
+    outcome = script.run().run()
+    assert len(script.times("pulser.on")) == 3
+    opened = script.times("sampler.gate_on")[1]
+    assert opened - script.times("sampler.gate_off")[0] == pytest.approx(0.3)  # 0.1 s and 0.2 s
+    between = [w for t, w in script.calls if script.times("pulser.on")[1] < t < opened]
+    assert between == []  # no beat without light
+    assert outcome.lines == 3
+
+
+def test_a_link_that_is_lost_while_the_gate_opens_ends_the_scan(script: Any) -> None:
+    script.fails("line 1", LinkLost("galvo", "gone"))
+    script.fails("sampler.gate_on", None, LinkLost("sampler", "gone"))
+    with pytest.raises(LinkLost):
+        script.run().run()
+    assert script.machine.state == "fault"
+    assert len(script.times("sampler.gate_on")) == 2
+
+
+def test_an_interlock_that_does_not_come_back_by_itself_ends_the_wait(script: Any) -> None:
+    def both() -> None:
+        script.interlock_closed = False
+        raise LinkLost("galvo", "gone")
+
+    script.acts["line 1"] = [both]
+    with pytest.raises(InterlockTripped, match="interlock line"):
+        script.run().run()
+    assert script.clock.now() < 10.0
+
+
+def test_a_diode_that_stays_away_ends_the_scan_after_ten_minutes(script: Any) -> None:
+    script.rows = list(range(20))
+    script.acts["line 1"] = [lambda: setattr(script, "degc", 23.3)]
+    with pytest.raises(InterlockTripped, match="diode temperature"):
+        script.run().run()
+    assert 600.0 <= script.clock.now() - script.times("sampler.gate_off")[0] <= 606.0
+
+
+@pytest.mark.parametrize("broken", [3, 4])
+def test_a_line_is_tried_four_times_at_most(script: Any, broken: int) -> None:
+    script.fails("line 1", *[LinkLost("galvo", "gone")] * broken)
+    script.fails("line 2", *[LinkLost("galvo", "gone")] * 3)  # each line has its own tries
+    if broken == 4:
+        with pytest.raises(LinkLost):
+            script.run().run()
+        assert script.told("finish")[0][2]["suspended"] == ["galvo: gone"] * 3
+    else:
+        assert script.run().run().lines == 3
+    assert len(script.times("line 1")) == 4
+
+
+def test_what_was_asked_for_in_the_wait_is_obeyed(script: Any) -> None:
+    def lost() -> None:
+        script.clock.call_at(script.clock.now() + 20.0, lambda: script.requests.put("abort"))
+        away(script)
+
+    script.acts["line 1"] = [lost]
+    outcome = script.run().run()
+    assert outcome.stop_reason == "aborted"
+    assert script.clock.now() == pytest.approx(script.times("line 1")[0] + 20.0)  # at once
+
+
+def test_light_that_cannot_be_proven_off_in_a_wait_stops_everything(script: Any) -> None:
+    script.fails("line 1", LinkLost("galvo", "gone"))
+    script.fails("sampler.gate_off", LinkLost("sampler", "gone"))
+    script.fails("pulser.off", LinkLost("pulser", "gone"))
+    with pytest.raises(InterlockTripped, match="NOT VERIFIED OFF"):
+        script.run().run()
+    assert script.asked().count("diode.off") == 1
+    assert script.machine.state == "fault"
+
+
+def test_before_the_light_the_diode_is_waited_for_each_second(script: Any) -> None:
+    script.degc = 23.3
+    script.always["sampler.status"] = lambda: setattr(script, "degc", 23.0 if script.clock.now() > 9.5 else 23.3)
+    script.supervisor.poll_all(emitting=False)
+    script.clock.sleep(0.5)
+    assert script.run().run().lines == 3
+    assert script.times("galvo.park")[0] > script.times("pulser.on")[0] == pytest.approx(10.5, abs=1.0)
+    asked = [t for t in script.times("sampler.status") if t <= 10.0]
+    assert asked[1:5] == pytest.approx([0.5, 1.5, 2.5, 3.5])
+
+
+def test_before_the_light_ten_minutes_are_enough(script: Any) -> None:
+    script.degc = 23.3
+    script.supervisor.poll_all(emitting=False)
+    script.clock.sleep(0.5)
+    with pytest.raises(InterlockTripped, match="600 s"):
+        script.run().run()
+    assert script.clock.now() == pytest.approx(600.5)
+    assert script.machine.state == "ready"
+    assert "pulser.on" not in script.asked()
+
+
+def test_a_working_point_that_is_not_reached_is_written_down_and_the_scan_goes_on(script: Any) -> None:
+    diode = script.settings.diode
+    script.degc = 23.0 + 2 * diode.settled_k
+    assert script.run().run().lines == 3
+    assert kinds(script).count(("working point not reached", None)) == 1
+    assert script.times("line 0")[0] - script.times("sampler.gate_on")[0] >= diode.settle_limit_s
