@@ -35,15 +35,16 @@ that no input makes their result differ in a way that matters. Results: `benchma
 |---|---|---|---|---|---|---|"""
 
 RANGING = ["tests/instrument/test_ranging*.py"]
+EDGES = "tests/instrument/test_ranging.py"
 CONTROLLER = ["tests/instrument/controller/test_*.py", "tests/instrument/test_controller_safety.py"]
 INTERLOCKS = [f"tests/instrument/test_controller_{of}.py" for of in ("interlocks", "docs")]
 QUALITY = ["tests/registration/test_quality.py"]
 CODES = "tests/drivers/test_wire_codes.py"
 TESTS: dict[str, list[str]] = {
     "instrument/ranging/template_fit.py": RANGING,
-    "instrument/ranging/half_maximum.py": RANGING,
-    "instrument/ranging/pulses.py": RANGING,
-    "instrument/ranging/pair.py": RANGING,
+    "instrument/ranging/half_maximum.py": ["tests/instrument/test_ranging_half_maximum.py", EDGES],
+    "instrument/ranging/pulses.py": ["tests/instrument/test_ranging_pulses.py", EDGES],
+    "instrument/ranging/pair.py": ["tests/instrument/test_ranging_pair.py", EDGES],
     "instrument/controller/safety.py": CONTROLLER,
     "instrument/controller/interlocks.py": INTERLOCKS,
     "instrument/controller/run.py": CONTROLLER,

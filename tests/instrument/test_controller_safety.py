@@ -43,8 +43,8 @@ def test_every_step_is_tried_and_its_outcome_kept(broken: tuple[str, ...]) -> No
     safe = make_safe(bench, diode_off=True)  # type: ignore[arg-type]
     assert sorted(bench.done) == sorted(NAMES)
     assert {name for name, outcome in safe.steps.items() if outcome != VERIFIED} == set(broken)
-    assert safe.laser_off_verified is not ({"gate", "pulser"} <= set(broken))
-    assert safe.complete is not bool(broken)
+    assert safe.laser_off_verified is (not {"gate", "pulser"} <= set(broken))
+    assert safe.complete is (not broken)
     assert ("LASER NOT VERIFIED OFF" in str(safe)) is ({"gate", "pulser"} <= set(broken))
 
 
@@ -63,3 +63,10 @@ def test_the_device_that_failed_is_asked_last_because_it_may_not_answer() -> Non
     bench = Steps({})
     make_safe(bench, blamed="pulser")  # type: ignore[arg-type]
     assert bench.done == ["gate", "run", "mirrors", "pulser"]
+
+
+def test_the_outcome_is_told_in_the_words_of_the_failures() -> None:
+    safe = make_safe(Steps({"gate": LinkLost("bridge", "gone"), "mirrors": RuntimeError()}))  # type: ignore[arg-type]
+    assert safe.steps == {"gate": "bridge: gone", "pulser": VERIFIED, "run": VERIFIED, "mirrors": "RuntimeError"}
+    assert str(safe) == "laser off verified; gate: bridge: gone; mirrors: RuntimeError"
+    assert str(make_safe(Steps({}))) == "laser off verified"  # type: ignore[arg-type]
