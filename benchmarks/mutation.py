@@ -38,7 +38,7 @@ RANGING = ["tests/instrument/test_ranging*.py"]
 EDGES = "tests/instrument/test_ranging.py"
 CONTROLLER = ["tests/instrument/controller/test_*.py", "tests/instrument/test_controller_safety.py"]
 INTERLOCKS = [f"tests/instrument/test_controller_{of}.py" for of in ("interlocks", "docs")]
-QUALITY = ["tests/registration/test_quality.py"]
+QUALITY = "tests/registration/test_quality.py"
 CODES = "tests/drivers/test_wire_codes.py"
 TESTS: dict[str, list[str]] = {
     "instrument/ranging/template_fit.py": RANGING,
@@ -56,7 +56,7 @@ TESTS: dict[str, list[str]] = {
         "tests/registration/test_beam_fit.py",
         "tests/registration/test_raster.py",
     ],
-    "registration/trust/covariance.py": QUALITY,
+    "registration/trust/covariance.py": ["tests/registration/test_covariance.py", QUALITY],
     "registration/trust/verdict.py": ["tests/registration/*.py"],
     "drivers/dg645/wire.py": ["tests/drivers/test_dg645*.py", CODES],
     "drivers/genesys/wire.py": ["tests/drivers/test_genesys*.py", CODES],
