@@ -51,11 +51,7 @@ TESTS: dict[str, list[str]] = {
     "instrument/controller/supervision.py": CONTROLLER,
     "registration/refine/beam_fit.py": ["tests/registration/*.py"],
     "registration/refine/weak_modes.py": ["tests/registration/*.py"],
-    "registration/scan/tissue.py": [
-        *QUALITY,
-        "tests/registration/test_beam_fit.py",
-        "tests/registration/test_raster.py",
-    ],
+    "registration/scan/tissue.py": ["tests/registration/test_tissue.py"],
     "registration/trust/covariance.py": ["tests/registration/test_covariance.py", QUALITY],
     "registration/trust/verdict.py": ["tests/registration/*.py"],
     "drivers/dg645/wire.py": ["tests/drivers/test_dg645*.py", CODES],

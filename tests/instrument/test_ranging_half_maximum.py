@@ -114,7 +114,7 @@ def test_without_a_crossing_there_is_no_time(trace: np.ndarray, *, found: bool) 
 def test_an_edge_is_looked_for_over_750_ps(edge_ps: float, *, crossed: bool) -> None:
     """Back from the middle sample of the coarse peak's bin."""
     middle_ps = TIMES[20 * 5 + 2]
-    flat = BASE_MV + np.where(TIMES < middle_ps - edge_ps + 5.0, 0.0, 40.0 - 1e-5 * (TIMES - middle_ps) ** 2)
+    flat = BASE_MV + np.where(middle_ps - edge_ps + 5.0 > TIMES, 0.0, 40.0 - 1e-5 * (TIMES - middle_ps) ** 2)
     assert math.isfinite(numbers(edges(flat))["time_ps"]) == crossed
 
 
@@ -123,6 +123,60 @@ def test_a_pulse_at_either_end_of_the_trace_is_fitted_with_the_samples_there() -
     found = numbers(edges(parabola(late), 39))
     assert found["height_mv"] == pytest.approx(HEIGHT_MV)
     assert found["time_ps"] == pytest.approx(late - HALF_WIDTH_PS * math.sqrt(0.5), abs=0.1)
+
+
+def open_parabola(times_ps: np.ndarray, peak_ps: float, half_width_ps: float) -> np.ndarray:
+    """A parabola that goes on below the baseline, so that it is one wherever it is fitted."""
+    return BASE_MV + HEIGHT_MV * (1 - ((times_ps - peak_ps) / half_width_ps) ** 2)
+
+
+def edge_of(trace: np.ndarray, times_ps: np.ndarray, peak: int) -> dict[str, float]:
+    """The edge of a trace whose bins are its samples, without noise of the baseline."""
+    one, at = np.ones(1), np.array([peak])
+    coarse = CoarseTraces(trace[None], 1, times_ps[1] - times_ps[0], BASE_MV * one, 0.0 * one, one, 2.0 * one)
+    pulses = Pulses(np.array([True]), at, at, at, one, one)
+    return numbers(half_maximum(trace[None], times_ps, coarse, pulses, ShotNoise(), one, SETTINGS))
+
+
+def vertex_variance(about_ps: np.ndarray) -> float:
+    design = np.stack([np.ones_like(about_ps), about_ps, about_ps**2], axis=1)
+    return float(np.linalg.inv(design.T @ design)[0, 0])
+
+
+def test_a_trace_of_fine_steps_is_fitted_as_a_whole() -> None:
+    times = 6500.0 + np.arange(65.0)
+    found = edge_of(open_parabola(times, 6540.0, 40.0), times, 40)
+    assert found["height_mv"] == pytest.approx(HEIGHT_MV)
+    assert found["height_variance_mv2"] == pytest.approx(vertex_variance(times - 6540.0))
+    slope = 2 * HEIGHT_MV * (6540.0 - times[32]) / 40.0**2  # in the middle of the trace
+    assert found["baseline_ps_per_mv"] == pytest.approx(0.5 / slope)
+
+
+def test_an_edge_at_the_end_of_the_trace_has_the_slope_of_the_last_samples() -> None:
+    found = edge_of(open_parabola(TIMES, TIMES[196], 50.0), TIMES, 196)
+    slope = 2 * HEIGHT_MV * (TIMES[196] - TIMES[191]) / 50.0**2
+    assert found["height_mv"] == pytest.approx(HEIGHT_MV)
+    assert found["baseline_ps_per_mv"] == pytest.approx(0.5 / slope)
+
+
+def test_coarse_steps_are_fitted_with_five_samples() -> None:
+    times = 6500.0 + 40.0 * np.arange(70)
+    trace = open_parabola(times, times[35], 300.0)
+    low = 29  # 240 ps before the peak: 3 + 40 * 0.36
+    trace[low - 2 : low + 3] += [1.0, 0.0, 0.5, -1.0, 2.0]
+    found = edge_of(trace, times, 35)
+    assert found["height_mv"] == pytest.approx(HEIGHT_MV)
+    assert found["height_variance_mv2"] == pytest.approx(vertex_variance(40.0 * np.arange(-2.0, 3.0)))
+    assert low == int((found["time_ps"] - times[0]) // 40.0)
+    slope = (trace[low - 2] - 8 * trace[low - 1] + 8 * trace[low + 1] - trace[low + 2]) / (12 * 40.0)
+    assert found["baseline_ps_per_mv"] == pytest.approx(0.5 / slope)
+
+
+@pytest.mark.parametrize("step_ps", [26.0, 26.8])
+def test_steps_of_a_third_of_the_edge_are_fitted_with_seven_samples(step_ps: float) -> None:
+    times = 6500.0 + step_ps * np.arange(100)
+    found = edge_of(open_parabola(times, times[50], 300.0), times, 50)
+    assert found["height_variance_mv2"] == pytest.approx(vertex_variance(step_ps * np.arange(-3.0, 4.0)))
 
 
 def one(**values: float) -> Any:

@@ -88,6 +88,7 @@ def test_the_width_is_from_the_last_bin_below_half_before_the_peak() -> None:
         ([0.0, 0.0, 2.0, 0.0], None),  # a rise of just the step is not more than it
         ([0.0, 0.0, 2.1, 0.0], 2),
         ([0.0, -3.0, 0.0, 1.9], None),  # it rises, and is not above the baseline
+        ([0.0, -3.0, 0.0, 2.0], None),
         ([0.0, -3.0, 0.0, 2.1], 3),
         ([2.1, 0.0], 0),  # the trace begins inside a pulse
         ([2.0, 0.0], None),
