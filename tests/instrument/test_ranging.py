@@ -87,7 +87,7 @@ def test_the_variance_is_that_of_repeated_readings(response_mv: float, latest_mm
     assert -0.02 < error.mean() < latest_mm
 
 
-@pytest.mark.parametrize("rise_sigmas", [0.3, 0.8, 1.5, 3.0])
+@pytest.mark.parametrize("rise_sigmas", [0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0])
 def test_the_last_of_several_crossings_scatters_less(rise_sigmas: float) -> None:
     edges, reach = 40_000, int(np.ceil(5 / rise_sigmas)) + 3
     rng = np.random.default_rng(7)

@@ -9,6 +9,7 @@ from scipy.special import chdtri
 from picoradar.registration.scan import MIN_POINTS
 from picoradar.registration.trust.covariance import (
     Stiffness,
+    chi_square_quantile,
     describe_weakness,
     patch_misfit_mm,
     quantile_mm,
@@ -109,3 +110,8 @@ def test_motions_in_words(motion: list[float], words: str) -> None:
 def test_a_turn_that_advances_says_how_far(turn: float, advance: float, screw: int) -> None:
     text = describe_weakness(FOUND, np.array([0.0, 0.0, turn, 0.0, 0.0, advance]), CENTRE, 0.5)
     assert f"(1.0, 2.0, 3.0) mm, advancing {screw} mm a turn, SD {np.degrees(0.05 * turn):.2f} deg" in text
+
+
+def test_the_chi_square_quantile_of_few_degrees() -> None:
+    """Where the cube-root form, from which it begins, is negative; by SciPy's chdtri."""
+    assert chi_square_quantile(0.1, 0.5) == pytest.approx(1.1147756881492586e-06, rel=1e-9)

@@ -14,7 +14,7 @@ from picoradar.instrument.errors import InterlockTripped
 ALL = ["sampler.status", "pulser.status", "diode.status", "galvo.ready"]
 DARK = ["sampler.gate_off", "pulser.off", "sampler.stop", "galvo.park"]
 VERIFIED = {"gate": "verified", "pulser": "verified", "run": "verified", "mirrors": "verified"}
-LINE_S = 0.5
+PLACE_S, LINE_S = 0.125, 0.5
 
 
 @pytest.fixture(autouse=True)
@@ -192,7 +192,34 @@ def test_light_that_cannot_be_proven_off_is_a_fault_of_a_scan_that_was_complete(
     assert script.asked().count("finish") == 1
 
 
+def test_the_interlocks_are_polled_before_each_place(script: Any) -> None:
+    later = script.clock.call_at
+    script.acts["append"] = [
+        lambda: later(script.clock.now() + PLACE_S, lambda: setattr(script, "interlock_closed", False))
+    ]
+    with pytest.raises(InterlockTripped, match="interlock line"):
+        script.run().run()
+    assert "line 1" not in script.asked()
+    assert script.times("sampler.gate_off")[0] - script.times("append")[0] <= 2 * PLACE_S
+
+
 # Waiting
+
+
+def test_a_disk_that_fills_up_is_noticed_before_a_line_and_waited_for(
+    script: Any, free_bytes: dict[str, float]
+) -> None:
+    def full() -> None:
+        free_bytes["free"] = 1999.0
+        script.clock.call_at(script.clock.now() + 20.0, lambda: free_bytes.update(free=1e6))
+
+    script.rows = list(range(20))
+    script.acts["line 1"] = [full]
+    outcome = script.run().run()
+    assert outcome.lines == 20
+    (why,) = outcome.suspended
+    assert "disk space" in why
+    assert script.times("sampler.gate_off")[0] - script.times("line 1")[0] <= 5.5  # with all, every five seconds
 
 
 def test_a_pause_is_dark_until_somebody_asks_to_go_on(script: Any) -> None:
@@ -247,6 +274,8 @@ def test_a_lost_link_is_opened_anew_and_the_line_taken_again(script: Any) -> Non
     script.fails("galvo.ready", None, None)
     outcome = script.run().run()
     assert outcome.suspended == ["galvo: gone"]
+    assert script.asked().count("pulser.configure") == script.asked().count("job.configure") == 2
+    assert [event for event, _ in script.told("warning")] == ["suspend"]
     dark = script.asked().index("sampler.gate_off")
     assert script.asked()[dark : dark + 4] == DARK
     assert script.times("sampler.gate_on")[1] - script.times("sampler.gate_off")[0] == pytest.approx(0.1)
