@@ -169,7 +169,13 @@ def test_a_refusal_names_the_interlock_behind_it(script: Any) -> None:
     with pytest.raises(DeviceFault):
         script.run().run()
     assert script.machine.cause.startswith("pulser: refused; interlock 'interlock line': ")
-    script.machine.clear()
+
+
+def test_a_refusal_with_nothing_behind_it_stands_alone(script: Any) -> None:
+    script.fails("line 1", DeviceFault("pulser", "refused"))
+    with pytest.raises(DeviceFault):
+        script.run().run()
+    assert script.machine.cause == "pulser: refused"  # an open gate is no interlock without light
 
 
 def test_a_disk_that_is_too_small_refuses_the_scan(script: Any, free_bytes: dict[str, float]) -> None:
@@ -275,7 +281,7 @@ def test_a_lost_link_is_opened_anew_and_the_line_taken_again(script: Any) -> Non
     outcome = script.run().run()
     assert outcome.suspended == ["galvo: gone"]
     assert script.asked().count("pulser.configure") == script.asked().count("job.configure") == 2
-    assert [event for event, _ in script.told("warning")] == ["suspend"]
+    assert script.told("warning") == [("suspend", {"cause": "galvo: gone", "safe": "laser off verified"})]
     dark = script.asked().index("sampler.gate_off")
     assert script.asked()[dark : dark + 4] == DARK
     assert script.times("sampler.gate_on")[1] - script.times("sampler.gate_off")[0] == pytest.approx(0.1)
