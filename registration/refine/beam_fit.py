@@ -12,13 +12,10 @@ import numpy as np
 from picoradar.registration._types import BoolArray, FloatArray, Neighbours
 from picoradar.registration.model import Closest, Surface
 from picoradar.registration.refine.cast_beams import CastBeams
-from picoradar.registration.scan import NoiseModel, Scan, estimated_range_noise
+from picoradar.registration.scan import MIN_POINTS, NoiseModel, Scan, estimated_range_noise
 from picoradar.registration.se3 import orthonormalised, small_motion, transform
 from picoradar.registration.settings import BeamFitSettings, RobustSettings
 from picoradar.registration.solution import Iteration, residual_measures
-
-MIN_INLIERS = 6
-"""A rigid pose has six unknowns."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +104,7 @@ class BeamFitter:
                 residual = beams.residual(x)  # e + g x [eq. 2]
                 sigma = noise.plane_sigma(self.scan, pose[:3, :3], beams.normals)  # [eq. 6]
                 bone, inliers = beams.bone(residual, sigma, self.around)  # P [eq. 3, 4], u [eq. 8]
-                if inliers.sum() < MIN_INLIERS:
+                if inliers.sum() < MIN_POINTS:
                     return BeamFit(pose, beams.met(residual), inliers, noise, history, -np.inf)
                 noise = self._renewed(noise, beams, residual, inliers)
                 history.append(_iteration(residual[inliers]))

@@ -13,12 +13,7 @@ from picoradar.registration.refine import BeamFitter, annealed, outside_regions
 from picoradar.registration.scan import NoiseModel, Scan
 from picoradar.registration.se3 import small_motion, transform
 from picoradar.registration.search import Candidate, Search
-
-SWAPPED_FACES = 3
-"""Faces of which two may change places: so many of a convex body are seen well."""
-
-PARALLEL_SINE = 0.05
-"""Smallest sine of the angle between two faces that meet in an edge: 3 deg."""
+from picoradar.registration.settings import EdgeSettings
 
 
 def drawn_in(search: Search, candidates: list[Candidate], regions: FloatArray, *, symmetric: bool) -> list[Candidate]:
@@ -41,7 +36,7 @@ def drawn_in(search: Search, candidates: list[Candidate], regions: FloatArray, *
         return candidates
     settings, thin, surface = search.settings, search.descent.thin, search.model.surface
     noise = NoiseModel.of(search.sigma_mm, settings.noise)
-    fitter = BeamFitter(thin, surface, noise, thin.around, True, settings)
+    fitter = BeamFitter(thin, surface, noise, thin.around, noise_known=True, settings=settings)
     few = thin.thinned(settings.edges.drawn_points)
 
     def allowed(pose: FloatArray, points: Scan) -> BoolArray:
@@ -58,27 +53,32 @@ def drawn_in(search: Search, candidates: list[Candidate], regions: FloatArray, *
     plain = [ranked(c.model_from_scanner, replace(c, hits=0)) for c in candidates]
     found = search.joined(plain, [drawn(c) for c in candidates])
     if symmetric and found[0].view.whole:
-        turned = [*search.quarter_turns(found[0]), *swapped_faces(thin, surface, found[0].model_from_scanner)]
+        turned = [
+            *search.quarter_turns(found[0]),
+            *swapped_faces(thin, surface, found[0].model_from_scanner, settings.edges),
+        ]
         found = search.joined(found, [drawn(replace(found[0], model_from_scanner=pose, hits=0)) for pose in turned])
     return found
 
 
-def swapped_faces(scan: Scan, surface: Surface, pose: FloatArray) -> list[FloatArray]:
+def swapped_faces(scan: Scan, surface: Surface, pose: FloatArray, settings: EdgeSettings) -> list[FloatArray]:
     """Poses (4, 4) in which two flat faces that are seen change places.
 
     A face and a strip of its neighbour fit the neighbour and a strip of the face as well, whatever the angle between
     them: by a half turn about the line that halves it, which meets their edge opposite to the body's middle.
     """
     near = surface.closest(transform(pose, scan.points))
-    groups, count = np.unique(near.normals.round(2), axis=0, return_inverse=True, return_counts=True)[1:]
-    largest = np.argsort(-count, kind="stable")[:SWAPPED_FACES]
+    rounded = np.rint(near.normals / settings.same_normal)
+    _, groups, count = np.unique(rounded, axis=0, return_inverse=True, return_counts=True)
+    groups = groups.ravel()  # NumPy 2.0 gives a column
+    largest = np.argsort(-count, kind="stable")[: settings.swapped_faces]
     points = np.array([near.points[groups == k].mean(axis=0) for k in largest])
     normals = np.array([near.normals[groups == k].mean(axis=0) for k in largest])
     centroid, _ = surface.principal_frame
     found = []
     for pair in map(list, combinations(range(len(largest)), 2)):
         rows = normals[pair]
-        if np.linalg.norm(np.cross(*rows)) < PARALLEL_SINE:
+        if np.linalg.norm(np.cross(*rows)) < settings.parallel_sine:
             continue  # parallel faces have no edge
         offsets = np.einsum("ij,ij->i", rows, points[pair] - centroid)
         on_edge = centroid + np.linalg.pinv(rows) @ offsets

@@ -29,6 +29,15 @@ class EdgeSettings:
     min_cosine: float = -0.1
     """Smallest cosine between beam and normal of a closest point: below it the surface faces away."""
 
+    swapped_faces: int = 3
+    """Faces of which two may change places, those with the most points: so many of a convex body are seen well."""
+
+    same_normal: float = 0.01
+    """Normals whose components round to the same multiples of this belong to one face: within 0.6 deg."""
+
+    parallel_sine: float = 0.05
+    """Smallest sine of the angle between two faces that meet in an edge: 3 deg."""
+
     max_halvings: int = 6
     """A step of the beam fit is halved so often at most: a sixty-fourth of it is less than the points' noise."""
 
