@@ -14,11 +14,11 @@ import numpy as np
 import structlog
 from numpy.typing import NDArray
 
-from picoradar.instrument.acquisition import Stop, places_of, plan_path
+from picoradar.instrument.acquisition import Stop, plan_path, point_windows_of
 from picoradar.instrument.cli import scanning, session
 from picoradar.instrument.cli.simulated import Simulated
 from picoradar.instrument.line import SUSPECT, Flag
-from picoradar.instrument.ranging import Place
+from picoradar.instrument.ranging import PointWindows
 from picoradar.instrument.recording import Cloud, Recording
 from picoradar.instrument.settings import Settings
 
@@ -34,7 +34,7 @@ class Taken:
     result: dict[str, Any]
     cloud: Cloud
     true_mm: FloatArray
-    lines: list[list[Place]]
+    lines: list[list[PointWindows]]
 
     @property
     def good(self) -> NDArray[np.bool_]:
@@ -55,7 +55,7 @@ class Taken:
 
 
 def scan(seed: int, target: str, mode: str, size: int = 40, *, windows_too: bool = True) -> Taken:
-    """Take a scan of size x size places at 1 mm with the settings that picoradar comes with."""
+    """Take a scan of size x size points at 1 mm with the settings that picoradar comes with."""
     settings = Settings.model_validate(
         {
             "seed": seed,
@@ -74,11 +74,11 @@ def scan(seed: int, target: str, mode: str, size: int = 40, *, windows_too: bool
         if not isinstance(simulated, Simulated):
             raise TypeError("the settings name no simulated bench")
         true_mm = simulated.bench.truth.ranges_mm(*_runs_of(cloud, mode, size))
-    return Taken(result, cloud, true_mm, [places_of(windows) for windows in raw if windows is not None])
+    return Taken(result, cloud, true_mm, [point_windows_of(windows) for windows in raw if windows is not None])
 
 
 def _runs_of(cloud: Cloud, mode: str, size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return run id and record number of each place, as `SweepCapture` and `WindowCapture` number them."""
+    """Return run id and record number of each point, as `SweepCapture` and `WindowCapture` number them."""
     rows, columns = cloud.rows.astype(np.int64), cloud.columns.astype(np.int64)
     if mode == "sweep":
         return rows * size + columns + 1, np.zeros_like(rows)
@@ -87,18 +87,18 @@ def _runs_of(cloud: Cloud, mode: str, size: int) -> tuple[NDArray[np.int64], NDA
     return np.where(retaken, size, 0) + rows + 1, np.where(retaken, before - 1, columns)
 
 
-def reckoned_s(lines: Sequence[Sequence[Place]], settings: Settings, prf_hz: float) -> float:
+def reckoned_s(lines: Sequence[Sequence[PointWindows]], settings: Settings, prf_hz: float) -> float:
     """Reckon how long the same windows would take at another rate: paths, rests of the mirrors, and their sending."""
     scanner, total_s = settings.scanner, 0.0
     settle_s, blank = scanner.window_settle_ms * 1e-3, np.zeros(2, dtype=np.int64)
-    for places in lines:
+    for points in lines:
         stops = [
             Stop(
                 blank,
-                max(0.0, settle_s - place.reference.shots(scanner.window_settle_shots) / prf_hz),
-                place.shots(scanner.window_settle_shots) / prf_hz,
+                max(0.0, settle_s - point.reference.shots(scanner.window_settle_shots) / prf_hz),
+                point.shots(scanner.window_settle_shots) / prf_hz,
             )
-            for place in places
+            for point in points
         ]
         path = plan_path(blank, scanner.window_flyback_ms * 1e-3, stops)
         total_s += len(path.codes) / path.rate_hz + SENDING_S

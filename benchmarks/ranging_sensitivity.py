@@ -237,7 +237,7 @@ def planned(settings: PlanSettings) -> dict[str, Outcome]:
     planner.recall({**state, "response_mv": np.where(np.arange(20) == 7, 2.5, 30.0)})
     places = planner.line()
     second = sum(place.shots(settings.settle_shots) for place in places)
-    watched = planner.look(float(echo[0]), 30.0).shots(settings.settle_shots)
+    watched = planner.monitor(float(echo[0]), 30.0).shots(settings.settle_shots)
     blank = np.zeros(20)
     response = np.where(np.arange(20) == 12, 18.0, 30.0)
     seen = Ranges(blank, blank, response, np.zeros(20, np.uint16), blank, blank, blank, echo)

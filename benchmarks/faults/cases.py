@@ -14,7 +14,7 @@ from picoradar.sim.faults.fault import Link
 SEEDS = (1, 2, 3)
 HOST_KINDS = {
     "host_dead": "the host's process dies: nothing is sent any more",
-    "host_stuck": "the host hangs for 5 s between two places, as in a slow disk",
+    "host_stuck": "the host hangs for 5 s between two points, as in a slow disk",
     "disk_full": "the disk of the recording is full",
     "disk_error": "the disk of the recording fails",
     "sink_fails": "a viewer raises an error",

@@ -12,7 +12,7 @@ from picoradar.instrument.acquisition.raster import RasterPlan
 from picoradar.instrument.acquisition.reprocess import reprocess
 from picoradar.instrument.acquisition.sweep import SweepCapture, sweep_of
 from picoradar.instrument.acquisition.window import WindowCapture, can_window
-from picoradar.instrument.acquisition.window_ranging import places_of
+from picoradar.instrument.acquisition.window_ranging import point_windows_of
 
 __all__ = [
     "Acquisition",
@@ -32,8 +32,8 @@ __all__ = [
     "WindowCapture",
     "can_window",
     "monitor_scan",
-    "places_of",
     "plan_path",
+    "point_windows_of",
     "points_scan",
     "raster_scan",
     "refuse_enormous_lines",

@@ -84,7 +84,7 @@ class Acquisition:
 
     @property
     def reference(self) -> tuple[float, float | None]:
-        """Get the lowest amplitude (mV) and median place (ps) of the reference in the last line; 0 and None: none."""
+        """Get the lowest amplitude (mV) and median instant (ps) of the reference in the last line; 0 and None: none."""
         return self._reference
 
     def configure(self, sampler: Sampler) -> None:

@@ -61,17 +61,17 @@ def reprocessed(line: ScanLine, ranges: Ranges, calibration: Calibration) -> Sca
     )
 
 
-class _Placed(NamedTuple):
+class _InSpace(NamedTuple):
     """Points (N, 3) mm in the scanner frame, and their covariances (N, 3, 3) mm^2."""
 
     points_mm: NDArray[np.float64]
     covariance_mm2: NDArray[np.float64]
 
 
-def _in_space(angles_rad: NDArray[np.float64], ranges: Ranges, calibration: Calibration) -> _Placed:
+def _in_space(angles_rad: NDArray[np.float64], ranges: Ranges, calibration: Calibration) -> _InSpace:
     true_rad = true_angles(angles_rad, calibration.scanner)
     separation_mm = calibration.mirror_separation_mm
-    return _Placed(
+    return _InSpace(
         points_from(true_rad, ranges.range_mm, separation_mm),
         covariance_from(true_rad, ranges.range_mm, ranges.variance_mm2, calibration.pointing_sd_rad, separation_mm),
     )

@@ -24,7 +24,7 @@ from picoradar.instrument.calibration import Method
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import LineWindows
-from picoradar.instrument.ranging import Place, PlanSettings, Ranges, WindowPlanner
+from picoradar.instrument.ranging import PlanSettings, PointWindows, Ranges, WindowPlanner
 
 IntArray = NDArray[np.int64]
 
@@ -70,7 +70,7 @@ class WindowCapture:
     Parameters
     ----------
     setup : Setup
-        The calibration needs templates and the place of the reference.
+        The calibration needs templates and the instant of the reference.
     columns : int
         Points in a line.
 
@@ -116,26 +116,26 @@ class WindowCapture:
 
     def state_dict(self) -> JsonObject:
         """Get what the next line is planned from."""
-        return self._planner.memory()
+        return self._planner.state_dict()
 
     def load_state(self, state: JsonObject) -> None:
         """Plan on as if the lines before had just been taken."""
-        self._planner.recall(state)
+        self._planner.load_state(state)
 
     def take(self, plan: Plan, line: LinePlan, revisit: Revisit | None, devices: Devices) -> Captured:
         """Take a line in one path, and again those of its points whose echo was not in its window."""
         calibration, left_s = self._setup.calibration, self._setup.clock.now()
         devices.galvo.move(int(line.lead_in[0]), int(line.lead_in[1]))  # settles while the line is planned and sent
-        places = self._planner.line()
-        targets = self._targets(line.codes, places)
+        points = self._planner.line()
+        targets = self._targets(line.codes, points)
         if revisit is not None:
-            last = self._planner.look(revisit.echo_ps, revisit.response_mv)
+            last = self._planner.monitor(revisit.echo_ps, revisit.response_mv)
             targets.append(_Target(revisit.codes, last, self._scanner.window_flyback_ms))
         records = self._take(_PathRun(line.row + 1, line.lead_in, targets, left_s), devices)
-        windows = LineWindows.of(line.columns, records[: len(places)], _table(places), retaken=False)
-        shots = _shots(places)
+        windows = LineWindows.of(line.columns, records[: len(points)], _table(points), retaken=False)
+        shots = _shots(points)
         ranges = range_windows(windows, calibration)
-        lost = self._planner.lost(places, ranges)
+        lost = self._planner.lost(points, ranges)
         if lost.size:
             wide = self._planner.wide(lost)
             codes, left_s = line.codes[lost], self._setup.clock.now()
@@ -149,18 +149,18 @@ class WindowCapture:
         self._planner.learn(ranges)  # before the footprint is judged: half a spot on a rim is planned as it is seen
         return Captured(
             ranges=ranges,
-            sweeps=max(place.echo.sweeps for place in places),
+            sweeps=max(point.echo.sweeps for point in points),
             shots=shots,
-            revisit=None if revisit is None else self._ranges_of(records[-1], targets[-1].place),
+            revisit=None if revisit is None else self._ranges_of(records[-1], targets[-1].point),
             windows=windows,
         )
 
-    def _targets(self, codes: IntArray, places: Sequence[Place]) -> list[_Target]:
+    def _targets(self, codes: IntArray, points: Sequence[PointWindows]) -> list[_Target]:
         settle_ms = self._scanner.window_settle_ms
-        return [_Target(*target, settle_ms) for target in zip(codes, places, strict=True)]
+        return [_Target(*target, settle_ms) for target in zip(codes, points, strict=True)]
 
-    def _ranges_of(self, record: WindowRecord, place: Place) -> Ranges:
-        windows = LineWindows.of([0], [record], _table([place]), retaken=False)
+    def _ranges_of(self, record: WindowRecord, point: PointWindows) -> Ranges:
+        windows = LineWindows.of([0], [record], _table([point]), retaken=False)
         return range_windows(windows, self._setup.calibration)
 
     def _take(self, run: _PathRun, devices: Devices) -> list[WindowRecord]:
@@ -171,21 +171,21 @@ class WindowCapture:
         devices.between()
         lead_s = max(0.0, self._scanner.window_flyback_ms * 1e-3 - (self._setup.clock.now() - run.left_s))
         path = plan_path(run.lead_in, lead_s, [self._stop(target) for target in run.targets])
-        table = _table([target.place for target in run.targets])
+        table = _table([target.point for target in run.targets])
         return list(sampler.take_windows(run.run_id, table, begin=lambda: galvo.play(*path)))
 
     def _stop(self, target: _Target) -> Stop:
         """Return the stop of a path at a target; the reference is taken while the mirrors settle."""
-        settle_shots, place = self._scanner.window_settle_shots, target.place
-        wait_s = max(0.0, target.settle_ms * 1e-3 - place.reference.shots(settle_shots) / self._prf_hz)
-        return Stop(target.codes, wait_s, place.shots(settle_shots) / self._prf_hz)
+        settle_shots, point = self._scanner.window_settle_shots, target.point
+        wait_s = max(0.0, target.settle_ms * 1e-3 - point.reference.shots(settle_shots) / self._prf_hz)
+        return Stop(target.codes, wait_s, point.shots(settle_shots) / self._prf_hz)
 
 
 class _Target(NamedTuple):
     """A point with its windows, and the least time from the step to it to the first shot on its echo."""
 
     codes: IntArray
-    place: Place
+    point: PointWindows
     settle_ms: float
 
 
@@ -205,9 +205,9 @@ def _windows_of(sampler: Sampler) -> WindowSampler:
     return sampler
 
 
-def _table(places: Sequence[Place]) -> list[tuple[Window, Window]]:
-    return [(place.reference, place.echo) for place in places]
+def _table(points: Sequence[PointWindows]) -> list[tuple[Window, Window]]:
+    return [(point.reference, point.echo) for point in points]
 
 
-def _shots(places: Sequence[Place]) -> int:
-    return sum(place.shots(0) for place in places)
+def _shots(points: Sequence[PointWindows]) -> int:
+    return sum(point.shots(0) for point in points)

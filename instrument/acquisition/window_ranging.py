@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.line import LineWindows
-from picoradar.instrument.ranging import Place, Ranges, estimate_places, with_retaken
+from picoradar.instrument.ranging import PointWindows, Ranges, estimate_points, with_retaken
 
 
 def range_windows(windows: LineWindows, calibration: Calibration) -> Ranges:
     """Range the records of one run; the points of a line share their reference."""
-    return estimate_places(
-        places_of(windows),
+    return estimate_points(
+        point_windows_of(windows),
         windows.traces_mv(),
         calibration=calibration,
         clipped=windows.clipped,
@@ -36,13 +36,13 @@ def range_line(columns: NDArray[np.int32], windows: LineWindows, calibration: Ca
     again = windows.where(windows.retaken)
     if not len(again):
         return ranges
-    places = np.array([int(np.flatnonzero(columns == column)[0]) for column in again.columns], dtype=np.intp)
-    return with_retaken(ranges, places, range_windows(again, calibration))
+    points = np.array([int(np.flatnonzero(columns == column)[0]) for column in again.columns], dtype=np.intp)
+    return with_retaken(ranges, points, range_windows(again, calibration))
 
 
-def places_of(windows: LineWindows) -> list[Place]:
+def point_windows_of(windows: LineWindows) -> list[PointWindows]:
     """Return the windows as the planner has made them."""
     return [
-        Place(reference, echo, wide=retaken)
+        PointWindows(reference, echo, wide=retaken)
         for (reference, echo), retaken in zip(windows.table(), windows.retaken.tolist(), strict=True)
     ]

@@ -26,5 +26,5 @@ def refuse_small_disk(job: ScanJob, store: LineStore) -> None:
         raise InterlockTripped(
             "disk space",
             f"{len(job.rows)} lines take up to {needed / 1e9:.3g} GB, {free / 1e9:.3g} GB are free in "
-            f"{store.path.parent}; make room, or take fewer places or no traces",
+            f"{store.path.parent}; make room, or take fewer points or no traces",
         )

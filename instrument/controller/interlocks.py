@@ -16,7 +16,7 @@ INFINITE = math.inf
 AVERAGE_CURRENT_A = 0.020  # section 2.6.1: a few mA to some 10 mA; 290 V on the bleeder draw 12 mA
 MIN_HEARTBEAT_S = 0.4  # of the watchdog's second; the host beats every quarter of it
 REFERENCE_WINDOW_PS = 1000.0  # it moves with drive voltage, rate and temperature; an echo is later than that
-REFERENCE_MV = (3.0, 110.0)  # below, its place is doubtful; above, the A/D is at its end
+REFERENCE_MV = (3.0, 110.0)  # below, its instant is doubtful; above, the A/D is at its end
 REFERENCE_SHARE = (0.7, 1.4)  # of that of the run's first line: beyond, the laser has left its working point
 
 
@@ -31,11 +31,11 @@ class Readings:
     mirrors_answer : bool
         The galvo controller has answered.
     reference_mv : float
-        Lowest amplitude of the reference pulse in the last line; 0 when most places had none.
+        Lowest amplitude of the reference pulse in the last line; 0 when most points had none.
     reference_share : float
         The same as a share of that in the first line of the run.
     reference_ps : float
-        Median place of the reference pulse on the trace in the last line; None when most places had none.
+        Median instant of the reference pulse on the trace in the last line; None when most points had none.
     disk_lines : float
         Lines for which the disk of the recording still has room.
     """

@@ -37,7 +37,7 @@ class ScanJob(Protocol):
 
     @property
     def reference(self) -> tuple[float, float | None]:
-        """Get the lowest amplitude (mV) and median place (ps) of the reference in the last line; 0 and None: none."""
+        """Get the lowest amplitude (mV) and median instant (ps) of the reference in the last line; 0 and None: none."""
 
     def state_dict(self) -> JsonObject:
         """Get what the next line needs to know of those before, as plain data; empty for nothing."""

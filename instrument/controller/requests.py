@@ -16,7 +16,7 @@ class EndScan(Exception):
 
 
 class Requests:
-    """The queue, and what each request means at a place, between two lines, and while the laser is off."""
+    """The queue, and what each request means at a point, between two lines, and while the laser is off."""
 
     def __init__(self) -> None:
         self._queue: queue.SimpleQueue[Request] = queue.SimpleQueue()
@@ -29,7 +29,7 @@ class Requests:
         """Get whether something was asked for."""
         return not self._queue.empty()
 
-    def at_place(self) -> None:
+    def at_point(self) -> None:
         """Obey what cannot wait for the end of the line; the rest stays in the queue.
 
         Raises
@@ -41,7 +41,7 @@ class Requests:
         """
         for asked in self._take():
             self._obey(asked)
-            if asked != "resume":  # nothing rests at a place
+            if asked != "resume":  # nothing rests at a point
                 self.put(asked)
 
     def at_line(self) -> bool:
@@ -50,7 +50,7 @@ class Requests:
         Raises
         ------
         EndScan, InterlockTripped
-            As `at_place`, and `EndScan` for ``finish``.
+            As `at_point`, and `EndScan` for ``finish``.
         """
         asked = self._take()
         for what in asked:

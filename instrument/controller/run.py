@@ -137,7 +137,7 @@ class ScanRun:
                 self._context.log.error("sink failed and is left out", line=line.index, error=repr(error))
 
     def _between(self) -> None:
-        self._context.requests.at_place()
+        self._context.requests.at_point()
         self._context.supervisor.poll()
 
     def _poll(self, *, emitting: bool) -> None:
@@ -193,7 +193,7 @@ class ScanRun:
 
     def _rest(self, wait_s: float) -> None:
         self._clock.wait(self._context.requests.waiting, wait_s)
-        self._context.requests.at_place()
+        self._context.requests.at_point()
 
     def _go_dark(self, verb: str, cause: Exception | None) -> None:
         self._context.supervisor.stop_beating()

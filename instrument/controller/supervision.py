@@ -117,9 +117,9 @@ class Supervisor:
         Parameters
         ----------
         reference_mv : float
-            Its lowest amplitude in the line; 0 when most places had none.
+            Its lowest amplitude in the line; 0 when most points had none.
         reference_ps : float or None
-            Its place on the trace.
+            Its instant on the trace.
 
         Raises
         ------

@@ -23,7 +23,7 @@ class Flag(enum.IntFlag):
     OVERLAPPED = 8  # reference and echo run into each other
     MIXED = 16  # more than one echo, or an edge or rim under the spot: two surfaces in the footprint
     WALK_EXTRAPOLATED = 32  # response outside the range of the walk calibration
-    RETAKEN = 64  # the place was measured again
+    RETAKEN = 64  # the point was measured again
     MOTION = 128  # target or mirrors have moved since the first lines
     NO_REFERENCE = 256  # the reference pulse is missing: no range at all
 
@@ -39,7 +39,7 @@ SUSPECT = Flag.LOW_RESPONSE | Flag.CLIPPED | Flag.OVERLAPPED | Flag.MIXED | Flag
 
 @dataclass(frozen=True)
 class ScanLine:
-    """One line of the raster, complete: every place of the plan has an entry, also those without an echo.
+    """One line of the raster, complete: every point of the plan has an entry, also those without an echo.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
 """From traces to ranges: the interval between the time-significant points of reference and echo.
 
-`estimate` ranges whole traces, `estimate_windows` and `estimate_places` windowed records that `WindowPlanner` has
+`estimate` ranges whole traces, `estimate_windows` and `estimate_points` windowed records that `WindowPlanner` has
 planned. `learn` and `fit_walk` make the calibration that they need, `range_bound_mm2` tells how good they can be.
 """
 
@@ -14,8 +14,8 @@ from picoradar.instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, SP
 from picoradar.instrument.ranging.settings import AveragingSettings, LearningSettings, RangingSettings, WalkSettings
 from picoradar.instrument.ranging.walk import fit_walk
 from picoradar.instrument.ranging.windows.choice import PlanSettings
-from picoradar.instrument.ranging.windows.estimate import estimate_places, estimate_windows, with_retaken
-from picoradar.instrument.ranging.windows.fit import Place
+from picoradar.instrument.ranging.windows.estimate import estimate_points, estimate_windows, with_retaken
+from picoradar.instrument.ranging.windows.fit import PointWindows
 from picoradar.instrument.ranging.windows.plan import WindowPlanner
 from picoradar.instrument.ranging.windows.traces import WindowTraces
 
@@ -25,8 +25,8 @@ __all__ = [
     "AveragingSettings",
     "LearningSettings",
     "LineBefore",
-    "Place",
     "PlanSettings",
+    "PointWindows",
     "Pulse",
     "Ranges",
     "RangingSettings",
@@ -37,7 +37,7 @@ __all__ = [
     "average_ranges",
     "average_sweeps",
     "estimate",
-    "estimate_places",
+    "estimate_points",
     "estimate_windows",
     "fit_walk",
     "learn",

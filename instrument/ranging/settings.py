@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class RangingSettings:
-    """Thresholds of `estimate`, `estimate_windows` and `estimate_places`.
+    """Thresholds of `estimate`, `estimate_windows` and `estimate_points`.
 
     Attributes
     ----------

@@ -15,7 +15,7 @@ from picoradar.instrument.line import NO_RANGE, ScanLine, beams_to
 
 @dataclass(frozen=True)
 class Cloud:
-    """All places of a scan, line after line; also those without a range, until `with_range`.
+    """All points of a scan, line after line; also those without a range, until `with_range`.
 
     Attributes
     ----------
@@ -26,7 +26,7 @@ class Cloud:
     flags : (N,) uint16 array
         Sums of `picoradar.instrument.line.scan_line.Flag`.
     rows, columns : (N,) int32 arrays
-        Place in the raster.
+        Position in the raster.
     angles_rad : (N, 2) float array
         Optical angles that the beam was sent to.
     """
@@ -46,7 +46,7 @@ class Cloud:
 
     @property
     def has_range(self) -> NDArray[np.bool_]:
-        """Get the (N,) mask of places that carry a point."""
+        """Get the (N,) mask of points that have a range."""
         return np.asarray((self.flags & np.uint16(NO_RANGE)) == 0, dtype=np.bool_)
 
     @property
@@ -60,11 +60,11 @@ class Cloud:
         return beams_to(self.points_mm)
 
     def with_range(self) -> Self:
-        """Return the places that carry a point."""
+        """Return the points that have a range."""
         return self.where(self.has_range)
 
     def where(self, chosen: NDArray[np.bool_]) -> Self:
-        """Return the places of an (N,) mask."""
+        """Return the points of an (N,) mask."""
         return type(self)(**{field.name: getattr(self, field.name)[chosen] for field in fields(self)})
 
 

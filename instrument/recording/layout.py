@@ -28,7 +28,7 @@ POINT = np.dtype(
         ("flags", "<u2"),
     ]
 )
-"""One place of a line: 142 bytes."""
+"""One point of a line: 142 bytes."""
 
 _HEAD = struct.Struct("<qqqd")
 _WAVE_HEAD = struct.Struct("<qqqq")
@@ -47,7 +47,7 @@ class Wave:
 
 
 def points_blob(line: ScanLine) -> bytes:
-    """Return the (N,) places of a line as N x 142 bytes.
+    """Return the (N,) points of a line as N x 142 bytes.
 
     Raises
     ------

@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 
 def draw_cloud(cloud: Cloud) -> Figure:
-    """Draw the cloud from the scanner, coloured by range and by response; places without a range as crosses."""
+    """Draw the cloud from the scanner, coloured by range and by response; points without a range as crosses."""
     figure = new_figure(9.6, 4.3)
     found = cloud.with_range()
     lost = cloud.where(~cloud.has_range)
     x, y, _ = found.points_mm.T
-    size = float(np.clip(235 / np.sqrt(len(cloud)), 1.0, 12.0)) ** 2  # points^2: about the distance of two places
+    size = float(np.clip(235 / np.sqrt(len(cloud)), 1.0, 12.0)) ** 2  # points^2: about the distance of two points
     pictures = (
         ("range along the beam", found.range_mm, "mm", "viridis_r"),
         ("response (amplitude of the echo)", found.response_mv, "mV", "cividis"),

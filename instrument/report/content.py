@@ -69,8 +69,8 @@ def figures(cloud: Cloud, registered: RegisteredScan | None) -> list[tuple[str, 
         near = float(np.mean(np.abs(registration.residuals) <= LIMITS_MM[0]))
         found.append((f"{100 * near:.1f} %", "of the points within 1 mm of the model"))
     else:
-        found.append((f"{100 * points / max(len(cloud), 1):.1f} %", "of the places gave a range"))
-    found.append((str(points), f"points of {len(cloud)} places"))
+        found.append((f"{100 * points / max(len(cloud), 1):.1f} %", "of the points gave a range"))
+    found.append((str(points), f"ranges of {len(cloud)} points"))
     return found
 
 
@@ -80,7 +80,7 @@ def facts(
     """Return the table of key figures, as (name, value)."""
     found = [] if registered is None else _facts_of_registration(registered)
     raster = recording.raster
-    grid = f"{raster['rows']} x {raster['columns']} places"
+    grid = f"{raster['rows']} x {raster['columns']} points"
     step, averages = raster.get("step_mm"), raster.get("averages")
     found.append(
         ("raster", grid + (f", {step:g} mm apart" if step else "") + (f", {averages} averages" if averages else ""))

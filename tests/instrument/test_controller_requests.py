@@ -19,16 +19,16 @@ def asked(*what: str) -> Requests:
 
 def test_at_a_place_only_what_cannot_wait_is_obeyed() -> None:
     requests = asked("finish", "pause", "resume")
-    requests.at_place()
+    requests.at_point()
     with pytest.raises(EndScan, match="finished early"):
         requests.at_line()
     with pytest.raises(EndScan, match="aborted"):
-        asked("pause", "abort").at_place()
+        asked("pause", "abort").at_point()
     with pytest.raises(EndScan, match="interrupted"):
-        asked("interrupt").at_place()
+        asked("interrupt").at_point()
 
 
-@pytest.mark.parametrize("when", ["at_place", "at_line", "at_rest", "stop_asked"])
+@pytest.mark.parametrize("when", ["at_point", "at_line", "at_rest", "stop_asked"])
 def test_emergency_off_is_obeyed_everywhere(when: str) -> None:
     with pytest.raises(InterlockTripped, match="emergency off") as off:
         getattr(asked("emergency off"), when)()

@@ -10,12 +10,12 @@ import pytest
 from picoradar.instrument.calibration import Calibration, Method
 from picoradar.instrument.line import NO_RANGE, Flag
 from picoradar.instrument.ranging import (
-    Place,
+    PointWindows,
     Ranges,
     Window,
     WindowTraces,
     estimate,
-    estimate_places,
+    estimate_points,
     estimate_windows,
 )
 
@@ -120,8 +120,8 @@ def test_each_wrong_window_has_its_flag(receiver: Receiver, calibrated: Calibrat
     times = echo.start_ps + echo.step_ps * np.arange(echo.samples)
     second = 5600.0 if wide else 4260.0  # in the narrow window the two make one form that is not that of a pulse
     wrong = wrong_inputs(receiver, times, (reference, reference + 4000.0, reference + second))
-    place = Place(near, echo, wide=wide)
-    found = estimate_places([place] * len(wrong), [(good, trace) for trace in wrong.values()], calibration=calibrated)
+    place = PointWindows(near, echo, wide=wide)
+    found = estimate_points([place] * len(wrong), [(good, trace) for trace in wrong.values()], calibration=calibrated)
     flags = {name: Flag(int(value)) for name, value in zip(wrong, found.flags, strict=True)}
     flags["three pulses"] &= ~Flag.WALK_EXTRAPOLATED  # two in one form may be brighter than what was calibrated
     assert flags == {
@@ -134,5 +134,5 @@ def test_each_wrong_window_has_its_flag(receiver: Receiver, calibrated: Calibrat
         "not a number": Flag.NO_ECHO,
     }
     assert np.isfinite(found.range_mm).tolist() == [name == "three pulses" for name in wrong]
-    swapped = estimate_places([Place(echo, near, wide=wide)], [(wrong["noise"], good)], calibration=calibrated)
+    swapped = estimate_points([PointWindows(echo, near, wide=wide)], [(wrong["noise"], good)], calibration=calibrated)
     assert Flag(int(swapped.flags[0])) == Flag.NO_REFERENCE

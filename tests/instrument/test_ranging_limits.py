@@ -174,7 +174,7 @@ def test_a_response_is_suspected_against_its_neighbours(calibrated: Calibration)
         planner = WindowPlanner(calibrated, 20, settings)
         reference = sum(calibrated.reference_ps or ()) / 2
         state = {"echo_ps": np.full(20, reference + 4000.0), "echo_before_ps": np.full(20, reference + 4000.0)}
-        planner.recall({**state, "response_mv": np.full(20, np.nan), "reference_ps": (reference, 20.0)})
+        planner.load_state({**state, "response_mv": np.full(20, np.nan), "reference_ps": (reference, 20.0)})
         response = np.geomspace(20.0, 200.0, 20)  # falls by half within six points, which is no edge
         response[10] *= 0.6
         seen = Ranges(blank, blank, response, np.zeros(20, np.uint16), blank, blank, blank, blank)

@@ -11,13 +11,13 @@ from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.line import Flag
 from picoradar.instrument.ranging import (
-    Place,
     PlanSettings,
+    PointWindows,
     Ranges,
     Window,
     WindowPlanner,
     WindowTraces,
-    estimate_places,
+    estimate_points,
     estimate_windows,
     with_retaken,
 )
@@ -110,14 +110,14 @@ def test_a_reference_that_moves_is_not_shared(receiver: Receiver, calibrated: Ca
 
 
 def test_places_of_different_forms_come_back_in_their_order(receiver: Receiver, calibrated: Calibration) -> None:
-    places, traces = [], []
+    points, traces = [], []
     for k in range(12):
         step, sweeps = ((6.7, 1), (13.4, 2), (10.0, 1))[k % 3]
         spans = [
             Window(round(receiver.reference_ps - 100.0 + late, 1), step, int(600 / step), sweeps)
             for late in (0.0, INTERVAL + 10.0 * k)
         ]
-        places.append(Place(spans[0], spans[1], wide=False))
+        points.append(PointWindows(spans[0], spans[1], wide=False))
         traces.append(
             tuple(
                 receiver.traces(
@@ -132,7 +132,7 @@ def test_places_of_different_forms_come_back_in_their_order(receiver: Receiver, 
             )
         )
     traces[5] = (traces[5][0], traces[5][1][:-1])
-    found = estimate_places(places, traces, calibration=calibrated)
+    found = estimate_points(points, traces, calibration=calibrated)
     good = np.arange(12) != 5
     expected = np.array([receiver.range_mm(INTERVAL + 10.0 * k) for k in range(12)])
     np.testing.assert_allclose(found.range_mm[good], expected[good], atol=1.0)
@@ -163,12 +163,12 @@ class Scene:
         self.hole = (np.abs(row - 18) < 2) & (np.abs(column - 6) < 2)
         self.response_mv = np.where(self.hole, 0.0, 32.0 + 0.8 * column)
 
-    def look(self, row: int, column: int, place: Place) -> tuple[np.ndarray, np.ndarray]:
+    def look(self, row: int, column: int, point: PointWindows) -> tuple[np.ndarray, np.ndarray]:
         out = []
-        for k, window in enumerate((place.reference, place.echo)):
+        for k, window in enumerate((point.reference, point.echo)):
             times = window.start_ps + window.step_ps * np.arange(window.samples)
             response = max(float(self.response_mv[row, column]), 1e-9)
-            seed = 1000 * row + 10 * column + 2 * place.wide + k
+            seed = 1000 * row + 10 * column + 2 * point.wide + k
             values = self.receiver.traces(
                 times, self.interval_ps[row, column], response, records=1, seed=seed, sweeps=window.sweeps
             )
@@ -177,21 +177,21 @@ class Scene:
 
 
 def scan(scene: Scene, planner: WindowPlanner, calibration: Calibration) -> tuple[list[Ranges], int, int]:
-    """Take all lines as the instrument would; also return shots and places taken again."""
+    """Take all lines as the instrument would; also return shots and points taken again."""
     lines, shots, retaken = [], 0, 0
     settle = planner.settings.settle_shots
     shared = planner.settings.shared_reference
     for row in range(scene.rows):
-        places = planner.line()
-        traces = [scene.look(row, column, place) for column, place in enumerate(places)]
-        ranges = estimate_places(places, traces, calibration=calibration, shared_reference=shared)
-        shots += sum(place.shots(settle) for place in places)
-        columns = planner.lost(places, ranges)
+        points = planner.line()
+        traces = [scene.look(row, column, point) for column, point in enumerate(points)]
+        ranges = estimate_points(points, traces, calibration=calibration, shared_reference=shared)
+        shots += sum(point.shots(settle) for point in points)
+        columns = planner.lost(points, ranges)
         if len(columns):
             again = planner.wide(columns)
-            traces = [scene.look(row, int(column), place) for column, place in zip(columns, again, strict=True)]
-            ranges = with_retaken(ranges, columns, estimate_places(again, traces, calibration=calibration))
-            shots += sum(place.shots(settle) for place in again)
+            traces = [scene.look(row, int(column), point) for column, point in zip(columns, again, strict=True)]
+            ranges = with_retaken(ranges, columns, estimate_points(again, traces, calibration=calibration))
+            shots += sum(point.shots(settle) for point in again)
             retaken += len(columns)
         planner.learn(ranges)
         lines.append(ranges)
@@ -219,12 +219,12 @@ def test_a_spot_on_a_rim_is_taken_again_and_marked_as_mixed(receiver: Receiver, 
     columns, rim = 9, 4
     planner = WindowPlanner(calibrated, columns)
 
-    def look(line: int, column: int, place: Place) -> tuple[np.ndarray, np.ndarray]:
+    def look(line: int, column: int, point: PointWindows) -> tuple[np.ndarray, np.ndarray]:
         traces = []
-        for k, window in enumerate((place.reference, place.echo)):
+        for k, window in enumerate((point.reference, point.echo)):
             times = window.start_ps + window.step_ps * np.arange(window.samples)
             near_mv = 25.0 if column == rim and line == 1 else 45.0
-            seed = 100 * column + 10 * place.wide + k
+            seed = 100 * column + 10 * point.wide + k
             trace = receiver.traces(times, 4500.0, near_mv, records=1, seed=seed, sweeps=window.sweeps)[0]
             if column == rim and line == 1:
                 trace += receiver.pulse(times - receiver.reference_ps - 5900.0, 20.0)
@@ -232,14 +232,14 @@ def test_a_spot_on_a_rim_is_taken_again_and_marked_as_mixed(receiver: Receiver, 
         return traces[0], traces[1]
 
     for line in range(2):
-        places = planner.line()
-        found = estimate_places(places, [look(line, c, p) for c, p in enumerate(places)], calibration=calibrated)
-        again = planner.lost(places, found)
+        points = planner.line()
+        found = estimate_points(points, [look(line, c, p) for c, p in enumerate(points)], calibration=calibrated)
+        again = planner.lost(points, found)
         planner.learn(found)
-    assert not any(place.wide for place in places)
+    assert not any(point.wide for point in points)
     assert again.tolist() == [rim]
     wide = planner.wide(again)
-    second = estimate_places(wide, [look(1, rim, wide[0])], calibration=calibrated)
+    second = estimate_points(wide, [look(1, rim, wide[0])], calibration=calibrated)
     merged = with_retaken(found, again, second)
     assert Flag(int(merged.flags[rim])) == Flag.MIXED | Flag.RETAKEN
     assert not np.delete(merged.flags, rim).any()
@@ -248,7 +248,7 @@ def test_a_spot_on_a_rim_is_taken_again_and_marked_as_mixed(receiver: Receiver, 
 def test_windows_get_cheaper_with_less_wanted_and_more_response(calibrated: Calibration) -> None:
     def shots(wanted_mm: float, response_mv: float) -> int:
         planner = WindowPlanner(calibrated, 20, PlanSettings(wanted_sd_mm=wanted_mm, first_response_mv=response_mv))
-        return sum(place.shots(16) for place in planner.line())
+        return sum(point.shots(16) for point in planner.line())
 
     assert shots(0.15, 40.0) > shots(0.3, 40.0)
     assert shots(0.2, 20.0) > shots(0.2, 50.0)
@@ -271,39 +271,39 @@ def test_a_plan_that_makes_no_sense_is_refused(change: dict[str, Any], said: str
 
 def test_a_line_of_another_length_is_refused(calibrated: Calibration) -> None:
     planner, other = WindowPlanner(calibrated, 4), WindowPlanner(calibrated, 3)
-    places = other.line()
-    flat = [(np.zeros(p.reference.samples), np.zeros(p.echo.samples)) for p in places]
-    with pytest.raises(BadInput, match="3 places for a raster of 4 columns"):
-        planner.learn(estimate_places(places, flat, calibration=calibrated))
+    points = other.line()
+    flat = [(np.zeros(p.reference.samples), np.zeros(p.echo.samples)) for p in points]
+    with pytest.raises(BadInput, match="3 points for a raster of 4 columns"):
+        planner.learn(estimate_points(points, flat, calibration=calibrated))
 
 
 def test_fixed_windows_are_all_alike(calibrated: Calibration) -> None:
     planner = WindowPlanner(calibrated, 6, PlanSettings(steps_ps=(6.7,), sweeps=(2,)))
-    assert {(w.step_ps, w.sweeps) for place in planner.line() for w in (place.reference, place.echo)} == {(6.7, 2)}
+    assert {(w.step_ps, w.sweeps) for point in planner.line() for w in (point.reference, point.echo)} == {(6.7, 2)}
 
 
 def test_the_first_line_is_wide_and_the_next_ones_are_not(receiver: Receiver, calibrated: Calibration) -> None:
     planner = WindowPlanner(calibrated, 4)
     first = planner.line()
-    assert all(place.wide for place in first)
+    assert all(point.wide for point in first)
     near = receiver.reference_ps + receiver.half_ps(45.0) + 620 / 0.14986
     assert first[0].echo.start_ps < near - 100
     assert first[0].echo.end_ps > near + (1200 - 620) / 0.14986 + 200
-    found = estimate_places(
+    found = estimate_points(
         first,
         [
             tuple(
                 receiver.traces(w.start_ps + w.step_ps * np.arange(w.samples), 5000.0, 40.0, records=1, seed=3)[0]
-                for w in (place.reference, place.echo)
+                for w in (point.reference, point.echo)
             )
-            for place in first
+            for point in first
         ],
         calibration=calibrated,
     )
     planner.learn(found)
-    for place in planner.line():
-        assert not place.wide
-        assert place.echo.start_ps + 150 < np.median(found.echo_ps) < place.echo.end_ps - 150
+    for point in planner.line():
+        assert not point.wide
+        assert point.echo.start_ps + 150 < np.median(found.echo_ps) < point.echo.end_ps - 150
 
 
 def test_the_promise_is_the_variance_of_the_estimator(receiver: Receiver, calibrated: Calibration) -> None:
@@ -311,8 +311,8 @@ def test_the_promise_is_the_variance_of_the_estimator(receiver: Receiver, calibr
     found = estimate_windows(reference, echo, calibration=calibrated)
     forms = [Window(float(w.first_ps[0]), 6.7, 96, 1) for w in (reference, echo)]
     rooms = tuple(
-        float(np.median(place) - w.start_ps)
-        for place, w in zip((found.reference_ps, found.echo_ps), forms, strict=True)
+        float(np.median(point) - w.start_ps)
+        for point, w in zip((found.reference_ps, found.echo_ps), forms, strict=True)
     )
     promised = promised_sd_mm(calibrated, forms[:1], forms[1:], response_mv=45.0, room_ps=(rooms[0], rooms[1]))
     assert promised[0, 0] == pytest.approx(np.sqrt(found.variance_mm2.mean()), rel=0.03)
@@ -330,9 +330,9 @@ def test_the_planner_needs_the_place_of_the_reference(calibrated: Calibration) -
 
 def test_weak_echoes_of_a_rim_do_not_make_the_search_beside_it_long(calibrated: Calibration) -> None:
     planner = WindowPlanner(calibrated, 40)
-    usual = sum(place.shots(16) for place in planner.line())
+    usual = sum(point.shots(16) for point in planner.line())
     seen = np.full(40, np.nan)
     seen[18:22] = 9.0  # mV; nothing else has been met yet
-    planner.recall({**planner.memory(), "response_mv": seen.tolist()})
-    beside = [place.shots(16) for column, place in enumerate(planner.line()) if not 18 <= column < 22]
+    planner.load_state({**planner.state_dict(), "response_mv": seen.tolist()})
+    beside = [point.shots(16) for column, point in enumerate(planner.line()) if not 18 <= column < 22]
     assert sum(beside) <= usual * len(beside) / 40 * 1.01

@@ -27,7 +27,7 @@ SETTLING = (
 )
 
 
-def draw_places(figure: Figure, asked: FloatArray, error: FloatArray) -> None:
+def draw_positions(figure: Figure, asked: FloatArray, error: FloatArray) -> None:
     """Draw the error of each place against the place asked for (N,), mm."""
     axes = figure.subplots()
     axes.plot(asked, error, "o-", ms=4, lw=0.8)

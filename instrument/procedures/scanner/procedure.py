@@ -30,7 +30,7 @@ from picoradar.instrument.procedures.scanner.pictures import (
     STEP_LIMIT_MM,
     STEP_MM,
     WAITS_MS,
-    draw_places,
+    draw_positions,
     draw_settling,
 )
 from picoradar.instrument.procedures.station.findings import refused
@@ -154,7 +154,7 @@ def _judged(station: Station, along: FloatArray, lags: dict[str, FloatArray]) ->
     if abs(slope - 1.0) > 0.003:
         findings.append(f"The angle's scale is {100 * (slope - 1):.1f} % off: run geometry.")
     passed = steps_error <= 1.5 * STEP_LIMIT_MM
-    plots = [Plot("places", "Place of the beam at 1 mm steps", PLACES, lambda f: draw_places(f, asked, error))]
+    plots = [Plot("places", "Place of the beam at 1 mm steps", PLACES, lambda f: draw_positions(f, asked, error))]
     next_step = "Nothing to do." if passed else "Let the scanner's amplifier be tuned, then run this again."
     if lags:
         settling = _settled(station, lags)

@@ -20,7 +20,7 @@ from picoradar.instrument.ranging.settings import RangingSettings
 from picoradar.instrument.ranging.shape_table import ShapeTable
 from picoradar.instrument.ranging.template import bad_fit, combine, shapes_of, tables, unreliable
 from picoradar.instrument.ranging.template_fit import PulseFit, fit_pulses
-from picoradar.instrument.ranging.windows.fit import Place
+from picoradar.instrument.ranging.windows.fit import PointWindows
 from picoradar.instrument.ranging.windows.traces import WindowTraces
 
 FloatArray = NDArray[np.float64]
@@ -39,7 +39,7 @@ def estimate_windows(
     shared_reference: bool = False,
     settings: RangingSettings | None = None,
 ) -> Ranges:
-    """Range records of two windows, one over the reference and one over the place where the echo is expected.
+    """Range records of two windows, one over the reference and one where the echo is expected.
 
     A record whose echo is not in its window, with room before and behind the 50 % point, has `Flag.NO_ECHO`: take it
     again with a wider window.
@@ -53,7 +53,7 @@ def estimate_windows(
     clipped : (R,) bool array, optional
         Records in which the device has seen samples at an end of its A/D.
     shared_reference : bool
-        Use the mean place of the reference over these records (taken one shortly after the other, as those of a line)
+        Use the mean instant of the reference over these records (taken one shortly after the other, as those of a line)
         if their scatter allows it; see `pair.share_reference`.
 
     Raises
@@ -67,8 +67,8 @@ def estimate_windows(
     return _ranges(pair, flags, calibration, limits, shared_reference=shared_reference)
 
 
-def estimate_places(
-    places: Sequence[Place],
+def estimate_points(
+    points: Sequence[PointWindows],
     traces_mv: Sequence[tuple[ArrayLike, ArrayLike]],
     *,
     calibration: Calibration,
@@ -76,11 +76,11 @@ def estimate_places(
     shared_reference: bool = False,
     settings: RangingSettings | None = None,
 ) -> Ranges:
-    """Range places whose windows may differ in length, step and sweeps, those of the same form together.
+    """Range points whose windows may differ in length, step and sweeps, those of the same form together.
 
     Parameters
     ----------
-    places : sequence of N Place
+    points : sequence of N PointWindows
         The windows as they were taken.
     traces_mv : sequence of N pairs of arrays
         Mean traces of the reference window and the echo window. A trace of another length than its window is flagged
@@ -89,17 +89,17 @@ def estimate_places(
         As `estimate_windows`.
     """
     limits = settings or RangingSettings()
-    seen_clipped = np.broadcast_to(np.asarray(clipped, dtype=np.bool_), (len(places),))
+    seen_clipped = np.broadcast_to(np.asarray(clipped, dtype=np.bool_), (len(points),))
     forms: dict[tuple[float, int, float, int], list[int]] = defaultdict(list)
-    for number, place in enumerate(places):
-        r, e = place.reference, place.echo
+    for number, point in enumerate(points):
+        r, e = point.reference, point.echo
         forms[r.step_ps, r.samples, e.step_ps, e.samples].append(number)
     order: list[int] = []
     pairs: list[PulsePair] = []
     flags: list[FlagArray] = []
     for numbers in forms.values():
-        reference = _gather([(places[n].reference, traces_mv[n][0]) for n in numbers])
-        echo = _gather([(places[n].echo, traces_mv[n][1]) for n in numbers])
+        reference = _gather([(points[n].reference, traces_mv[n][0]) for n in numbers])
+        echo = _gather([(points[n].echo, traces_mv[n][1]) for n in numbers])
         pair, found = _pairs(reference, echo, seen_clipped[numbers], calibration, limits)
         order += numbers
         pairs.append(pair)
@@ -109,11 +109,11 @@ def estimate_places(
     return _ranges(pair, found, calibration, limits, shared_reference=shared_reference)
 
 
-def with_retaken(ranges: Ranges, places: NDArray[np.intp], again: Ranges) -> Ranges:
-    """Return a line with the places (M,) that were taken again in the place of the first try, flagged
+def with_retaken(ranges: Ranges, points: NDArray[np.intp], again: Ranges) -> Ranges:
+    """Return a line with the points (M,) that were taken again in place of the first try, flagged
     `Flag.RETAKEN`."""
     order = np.arange(len(ranges.flags))
-    order[places] = len(order) + np.arange(len(places))
+    order[points] = len(order) + np.arange(len(points))
     flagged = replace(again, flags=again.flags | np.uint16(Flag.RETAKEN))
     return Ranges.joined([ranges, flagged]).taken(order)
 

@@ -1,4 +1,4 @@
-"""`Place`: the two windows of a place of the raster; and the range uncertainty that windows promise."""
+"""`PointWindows`: the two windows of a point of the raster; and the range uncertainty that windows promise."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Place:
-    """The two windows of one place of the raster; ``wide`` when the echo is searched in the whole working range."""
+class PointWindows:
+    """The two windows of one point of the raster; ``wide`` when the echo is searched in the whole working range."""
 
     reference: Window
     echo: Window

@@ -28,7 +28,7 @@ from picoradar.instrument.line import NO_RANGE, Flag
 from picoradar.instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, Ranges
 from picoradar.instrument.ranging.template import shapes_of
 from picoradar.instrument.ranging.windows.choice import PlanSettings, cheapest_windows
-from picoradar.instrument.ranging.windows.fit import Place
+from picoradar.instrument.ranging.windows.fit import PointWindows
 
 FloatArray = NDArray[np.float64]
 
@@ -65,22 +65,22 @@ class WindowPlanner:
         self._response_mv: FloatArray = blank
         self._choose = lru_cache(maxsize=256)(self._cheapest)
 
-    def line(self) -> list[Place]:
+    def line(self) -> list[PointWindows]:
         """Return the windows of all points of the next line."""
         expected, margin = self._expectation()
         response = _filled(self._response_mv, self.settings.first_response_mv)
         return [
-            self._place(float(expected[c]), float(margin[c]), float(response[c]), self._reference)
+            self._windows_at(float(expected[c]), float(margin[c]), float(response[c]), self._reference)
             for c in range(self.columns)
         ]
 
-    def wide(self, columns: Sequence[int] | NDArray[np.integer]) -> list[Place]:
+    def wide(self, columns: Sequence[int] | NDArray[np.integer]) -> list[PointWindows]:
         """Return wide windows for some points, to take them again; the reference, too, is searched anew."""
         response = _filled(self._response_mv, self.settings.first_response_mv)
         reference = self._calibrated_reference()
-        return [self._place(np.nan, np.nan, float(response[c]), reference) for c in columns]
+        return [self._windows_at(np.nan, np.nan, float(response[c]), reference) for c in columns]
 
-    def look(self, echo_ps: float, response_mv: float) -> Place:
+    def monitor(self, echo_ps: float, response_mv: float) -> PointWindows:
         """Return the windows to monitor a point that was measured before, with about half of the usual uncertainty and
         a reference of its own."""
         reference_ps, reference_margin_ps = self._reference
@@ -93,16 +93,16 @@ class WindowPlanner:
             response_mv=response_mv,
             sharing=1,
         )
-        return Place(_at(windows[0], reference_ps), _at(windows[1], echo_ps), wide=False)
+        return PointWindows(_at(windows[0], reference_ps), _at(windows[1], echo_ps), wide=False)
 
-    def lost(self, places: Sequence[Place], ranges: Ranges) -> NDArray[np.intp]:
+    def lost(self, points: Sequence[PointWindows], ranges: Ranges) -> NDArray[np.intp]:
         """Return the columns to be taken again with a wide window.
 
         These are points whose narrow window showed no echo, no reference or a poor fit, and those whose response has
         dropped against the line and against the line before: there the spot may lie on a rim, with most of its light
         on another surface.
         """
-        narrow = np.array([not place.wide for place in places], dtype=np.bool_)
+        narrow = np.array([not point.wide for point in points], dtype=np.bool_)
         poor = (ranges.flags & np.uint16(RETRY)) != 0
         response, near, share = ranges.response_mv, self.settings.neighbours, self.settings.dropped_share
         usual = np.array([_median(response[max(0, c - near) : c + near + 1]) for c in range(len(response))])
@@ -120,7 +120,7 @@ class WindowPlanner:
             When it has another number of points.
         """
         if len(ranges.echo_ps) != self.columns:
-            raise BadInput(f"a line of {len(ranges.echo_ps)} places for a raster of {self.columns} columns")
+            raise BadInput(f"a line of {len(ranges.echo_ps)} points for a raster of {self.columns} columns")
         good = (ranges.flags & np.uint16(NO_RANGE)) == 0
         self._echo_ps = [np.where(good, ranges.echo_ps, np.nan), self._echo_ps[0]]
         one_surface = good & ((ranges.flags & np.uint16(Flag.MIXED)) == 0)
@@ -128,7 +128,7 @@ class WindowPlanner:
         if np.isfinite(ranges.reference_ps).any():
             self._reference = float(np.nanmedian(ranges.reference_ps)), self.settings.reference_margin_ps
 
-    def memory(self) -> dict[str, Any]:
+    def state_dict(self) -> dict[str, Any]:
         """Get what the next line is planned from, as plain numbers (NaN where nothing is known)."""
         last, before = self._echo_ps
         return {
@@ -138,14 +138,14 @@ class WindowPlanner:
             "reference_ps": list(self._reference),
         }
 
-    def recall(self, memory: Mapping[str, Any]) -> None:
-        """Plan on from a `memory`; None stands for NaN."""
+    def load_state(self, state: Mapping[str, Any]) -> None:
+        """Plan on from a `state_dict`; None stands for NaN."""
         echo, before, response = (
-            np.array(memory[name], dtype=np.float64) for name in ("echo_ps", "echo_before_ps", "response_mv")
+            np.array(state[name], dtype=np.float64) for name in ("echo_ps", "echo_before_ps", "response_mv")
         )
         self._echo_ps, self._response_mv = [echo, before], response
-        place_ps, margin_ps = memory["reference_ps"]
-        self._reference = float(place_ps), float(margin_ps)
+        reference_ps, margin_ps = state["reference_ps"]
+        self._reference = float(reference_ps), float(margin_ps)
 
     def _calibrated_reference(self) -> tuple[float, float]:
         """Return where the calibration has the reference, and by how much that may be wrong."""
@@ -168,10 +168,10 @@ class WindowPlanner:
         margin = np.where(np.isfinite(last), spread, apart) + self.settings.margins_ps[0]
         return np.where(margin <= self.settings.margins_ps[-1], expected, np.nan), margin
 
-    def _place(
-        self, expected_ps: float, margin_ps: float, response_mv: float, reference_place: tuple[float, float]
-    ) -> Place:
-        reference_ps, reference_margin_ps = reference_place
+    def _windows_at(
+        self, expected_ps: float, margin_ps: float, response_mv: float, reference_at: tuple[float, float]
+    ) -> PointWindows:
+        reference_ps, reference_margin_ps = reference_at
         wide = not np.isfinite(expected_ps)
         if wide:
             zero, scale = self.calibration.range_zero_mm, RANGE_PER_INTERVAL_MM_PER_PS
@@ -185,7 +185,7 @@ class WindowPlanner:
         ratio = self.settings.response_rung
         rung = float(ratio ** np.floor(np.log(max(response, self.settings.min_response_mv)) / np.log(ratio)))
         reference, echo = self._choose(reference_margin_ps, margin_ps, rung)
-        return Place(_at(reference, reference_ps), _at(echo, expected_ps), wide)
+        return PointWindows(_at(reference, reference_ps), _at(echo, expected_ps), wide)
 
     def _cheapest(self, reference_margin_ps: float, margin_ps: float, response_mv: float) -> tuple[Window, Window]:
         return cheapest_windows(
