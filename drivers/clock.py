@@ -37,6 +37,10 @@ class Timer:
 class Clock(Protocol):
     """Time for drivers, controller and simulator (seconds, float)."""
 
+    @property
+    def real_time(self) -> bool:
+        """Get whether time passes while the program computes; on a virtual clock it does not."""
+
     def now(self) -> float:
         """Get the seconds since an arbitrary start; never runs backwards."""
 
@@ -123,6 +127,8 @@ class ScaledClock(_Timers):
         Seconds of the clock per second of wall time; positive.
     """
 
+    real_time = True
+
     def __init__(self, factor: float = 1.0) -> None:
         if not 0 < factor < float("inf"):
             raise ValueError(f"factor must be positive and finite, not {factor}")
@@ -171,6 +177,8 @@ class VirtualClock(_Timers):
         Largest number of seconds of the clock per second of wall time, to watch a simulation at a human pace.
         None (the default) runs as fast as the computer can.
     """
+
+    real_time = False
 
     def __init__(self, speed: float | None = None) -> None:
         if speed is not None and not 0 < speed < float("inf"):

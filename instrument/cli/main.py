@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import logging
-import signal
 import sys
-from types import FrameType
 from typing import Annotated
 
 import typer
 
-from picoradar.instrument.cli import output
+from picoradar.instrument.cli import output, signals, streams
 
 # Some versions of Typer carry their own copy of click, others use the package: its errors are found through Typer.
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
@@ -50,10 +48,11 @@ def common(
 def main(arguments: list[str] | None = None) -> None:
     """Run the command and end the process with the exit status of the contract."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _interrupt)
+    streams.make_tolerant()
+    signals.interrupt_from_now_on()
     code = run(arguments)
-    _ignore_signals()  # the result is printed: a second Ctrl-C must not change the exit status
+    signals.ignore_from_now_on()  # the result is printed: a second Ctrl-C must not change the exit status
+    streams.tell_of_failures()
     sys.exit(code)
 
 
@@ -75,17 +74,6 @@ def run(arguments: list[str]) -> int:
         if code is None:
             raise
         return _failed(arguments, code, str(error))
-
-
-def _interrupt(_signal: int, _frame: FrameType | None) -> None:
-    """Stop outside of a session, where the laser cannot be on; further signals are ignored."""
-    _ignore_signals()
-    raise KeyboardInterrupt
-
-
-def _ignore_signals() -> None:
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
 
 
 def exit_status(error: Exception) -> int | None:

@@ -13,7 +13,7 @@ from picoradar.drivers.traces import CodeScale
 from picoradar.instrument.acquisition import Acquisition, Setup, can_window, raster_scan
 from picoradar.instrument.cli import output
 from picoradar.instrument.cli.session import Session
-from picoradar.instrument.controller import STATE_EVENT, ScanOutcome, Sink
+from picoradar.instrument.controller import STATE_EVENT, ScanOutcome, Sink, Subscription
 from picoradar.instrument.errors import BadInput, Interrupted
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import Flag, ScanLine
@@ -103,7 +103,8 @@ def _scan_with_bar(run: Session, job: Acquisition, recording: Recording, keep: S
             device_s = run.controller.bench.clock.now()
             bar.update(task, advance=1, note=f"{found}/{len(line.flags)} points, device time {device_s:.0f} s")
 
-        return run.controller.scan(job, recording, [keep, show])
+        all_lines = Subscription(keep, "result", every_line=True)
+        return run.controller.scan(job, recording, [all_lines, Subscription(show, "progress")])
 
 
 def describe_scan(run: Session, job: Acquisition, cloud: Cloud, outcome: ScanOutcome) -> JsonObject:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from types import FrameType
 
 from picoradar.drivers.clock import ScaledClock
 from picoradar.drivers.interfaces import Identity, TemperatureStatus
@@ -19,10 +17,10 @@ from picoradar.instrument.acquisition import (
 )
 from picoradar.instrument.bench import make_bench
 from picoradar.instrument.calibration import Calibration
-from picoradar.instrument.cli import output
+from picoradar.instrument.cli import output, signals
 from picoradar.instrument.cli.simulated import Simulated
 from picoradar.instrument.controller import Controller
-from picoradar.instrument.errors import BadInput
+from picoradar.instrument.errors import BadInput, InterlockTripped, Interrupted
 from picoradar.instrument.settings import Settings
 
 
@@ -61,7 +59,13 @@ def session(
 ) -> Iterator[Session]:
     """Open the bench of the settings; leave it safe and closed, however it ends.
 
-    While the session is open, Ctrl-C and SIGTERM ask the controller to end safely; a second one is an emergency off.
+    While the session is open, each signal that ends a program (Ctrl-C, a closed terminal, ...) asks the controller to
+    end safely; a second one is an emergency off.
+
+    Raises
+    ------
+    Interrupted
+        When a signal came, after the safe shutdown, however the work itself ended.
     """
     calibration = calibration_of(settings) if calibration is None else calibration
     refuse_enormous_lines(settings.scan.columns, settings.sampler.samples)  # before anything is switched
@@ -75,17 +79,29 @@ def session(
         else:
             bench = make_bench(simulated.links, simulated.clock, simulated.usb_backend, transcript)
         controller = Controller(bench, settings)
-        with _signals_to(controller):
-            try:
-                yield Session(settings, controller, controller.connect(), calibration, simulated)
-            finally:
-                if controller.state in ("connected", "ready"):
-                    controller.shut_down()
-                elif controller.state == "fault":
-                    controller.acknowledge()
+        with signals.asking(controller) as came, _closing(controller, came):
+            yield Session(settings, controller, controller.connect(), calibration, simulated)
     finally:
         if simulated is not None:
             simulated.close()
+
+
+@contextmanager
+def _closing(controller: Controller, came: list[str]) -> Iterator[None]:
+    """Leave the radar safe and closed; whatever a signal has led to becomes `Interrupted`."""
+    try:
+        yield
+    except InterlockTripped as tripped:
+        if not came or not controller.safe.laser_off_verified:
+            raise
+        raise Interrupted(f"interrupted ({', '.join(came)}): {tripped}; {controller.safe}") from tripped
+    finally:
+        if controller.state != "fault":
+            controller.shut_down()
+        if controller.state == "fault":
+            controller.acknowledge()
+    if came:
+        raise Interrupted(f"interrupted ({', '.join(came)}) when the work was done already; {controller.safe}")
 
 
 def calibration_of(settings: Settings) -> Calibration:
@@ -102,24 +118,6 @@ def calibration_of(settings: Settings) -> Calibration:
         raise BadInput("settings: calibration is empty; real devices need the calibration file of this radar")
     with resources.as_file(resources.files("picoradar.instrument") / "data" / "simulated-bench.json") as path:
         return Calibration.load(path)
-
-
-@contextmanager
-def _signals_to(controller: Controller) -> Iterator[None]:
-    asked = 0
-
-    def handle(_signal: int, _frame: FrameType | None) -> None:
-        nonlocal asked
-        asked += 1
-        controller.request("interrupt" if asked == 1 else "emergency off")
-
-    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            # Once a person has asked to stop, the safe shutdown runs to its end: more signals change nothing.
-            signal.signal(number, signal.SIG_IGN if asked else handler)
 
 
 def warm_up(run: Session) -> None:

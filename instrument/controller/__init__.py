@@ -6,6 +6,7 @@ from picoradar.instrument.controller.laser_class import EDITION, PulseTrain, cla
 from picoradar.instrument.controller.requests import Request
 from picoradar.instrument.controller.safety import SafeState, make_safe
 from picoradar.instrument.controller.states import STATES, TRANSITIONS, State, allowed_verbs, diagram
+from picoradar.instrument.controller.subscribers import Subscription
 
 __all__ = [
     "EDITION",
@@ -22,6 +23,7 @@ __all__ = [
     "ScanOutcome",
     "Sink",
     "State",
+    "Subscription",
     "allowed_verbs",
     "classify",
     "diagram",

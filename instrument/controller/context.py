@@ -9,6 +9,7 @@ from picoradar.drivers.interfaces import Identity
 from picoradar.instrument.bench import Bench
 from picoradar.instrument.controller.machine import StateMachine
 from picoradar.instrument.controller.requests import Requests
+from picoradar.instrument.controller.safety import SafeShutdown
 from picoradar.instrument.controller.supervision import Supervisor
 from picoradar.instrument.events import Log
 from picoradar.instrument.settings import Settings
@@ -27,6 +28,7 @@ class RunContext:
     supervisor: Supervisor
     requests: Requests
     known: Mapping[str, Identity]
+    shutdown: SafeShutdown
     log: Log
 
 

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import itertools
+import threading
 from collections.abc import Callable, Iterable
 
-from picoradar.drivers.errors import DeviceError
 from picoradar.drivers.interfaces import Identity, TemperatureStatus
 from picoradar.instrument.bench import Bench
+from picoradar.instrument.controller.connection import Connection
 from picoradar.instrument.controller.context import RunContext
 from picoradar.instrument.controller.exposure import refuse_above_class_1
 from picoradar.instrument.controller.interlocks import interlocks
 from picoradar.instrument.controller.job import LineStore, ScanJob, ScanOutcome, Sink
 from picoradar.instrument.controller.machine import StateMachine
-from picoradar.instrument.controller.recovery import open_devices
 from picoradar.instrument.controller.requests import Request, Requests
 from picoradar.instrument.controller.run import ScanRun
-from picoradar.instrument.controller.safety import SafeState, make_safe
-from picoradar.instrument.controller.states import State
+from picoradar.instrument.controller.safety import SafeShutdown, SafeState
+from picoradar.instrument.controller.states import BUSY, State
+from picoradar.instrument.controller.subscribers import Subscription
 from picoradar.instrument.controller.supervision import Supervisor
 from picoradar.instrument.controller.warming import reach_temperature
 from picoradar.instrument.errors import InterlockTripped, Interrupted, NotAllowed
@@ -32,8 +33,8 @@ _numbers = itertools.count(1)
 class Controller:
     """Runs one bench.
 
-    All verbs are called from one thread, which owns the devices. `request` alone may be called from any thread or
-    from a signal handler: what it asks for is carried out between two points.
+    All verbs are called from one thread, which owns the devices; `request` and `emergency_off` from any. What `request`
+    asks for, also in a signal handler, is carried out between two points.
 
     Parameters
     ----------
@@ -51,17 +52,23 @@ class Controller:
     def __init__(self, bench: Bench, settings: Settings) -> None:
         self.bench = bench
         self.settings = settings
-        self.safe = SafeState()
+        self._shutdown = SafeShutdown(bench)
+        self._owner = threading.get_ident()
         self._log = logger(run=f"run{next(_numbers)}")
         self._machine = StateMachine(self._note_change)
         self._requests = Requests()
         self._supervisor = Supervisor(bench, interlocks(settings, refuse_above_class_1(settings.pulser)))
-        self._known: dict[str, Identity] = {}
+        self._connection = Connection(bench, self._shutdown, self._log)
 
     @property
     def state(self) -> State:
         """Get the present state."""
         return self._machine.state
+
+    @property
+    def safe(self) -> SafeState:
+        """Get the outcome of the last safe shutdown; without steps before the first."""
+        return self._shutdown.last
 
     @property
     def cause(self) -> str:
@@ -89,8 +96,9 @@ class Controller:
         DeviceError
             Of the device that failed; those that were opened are closed again, the state is ``fault``.
         """
-        self._machine.go("connect", self._open_all)
-        return dict(self._known)
+        self._owner = threading.get_ident()
+        self._machine.go("connect", lambda: self._connection.open(self.settings.pulser))
+        return dict(self._connection.known)
 
     def work_at(self, settings: Settings) -> None:
         """Go by other settings of pulser and diode from the next `warm_up` and `scan` on; the laser is off.
@@ -124,19 +132,21 @@ class Controller:
         Interrupted
             When an abort was asked for; the state is ``connected`` again and the diode is off.
         """
+        self._owner = threading.get_ident()
         try:
             self._machine.go("warm_up", lambda: self._warm(show))
         except NotAllowed:
             raise
-        except BaseException:
-            self.safe = make_safe(self.bench, diode_off=True)
+        except BaseException as error:
+            self._shutdown(diode_off=True)
+            self._machine.fail(str(error) or type(error).__name__)
             raise
         if self.state == "warming":
             self._machine.go("warmed")
         else:
             raise Interrupted("stopped during warm-up; the laser was never on, the diode's controller is off")
 
-    def scan(self, job: ScanJob, store: LineStore, sinks: Iterable[Sink] = ()) -> ScanOutcome:
+    def scan(self, job: ScanJob, store: LineStore, sinks: Iterable[Sink | Subscription] = ()) -> ScanOutcome:
         """Take the job's lines, store each before it is handed on, and leave the laser verified off.
 
         Parameters
@@ -145,8 +155,10 @@ class Controller:
             Raster and way of measuring.
         store : LineStore
             Makes each line durable.
-        sinks : iterable of callables
-            Get each line after it was stored. One that raises is left out from then on; the scan goes on.
+        sinks : iterable of callables or Subscription
+            Get each line after it was stored; none holds the scan. On a real clock each has a thread, and a bare
+            callable that is too slow misses lines (`Subscription` is for those that must see all). One that raises
+            is left out. How far each came stands in the outcome.
 
         Raises
         ------
@@ -157,15 +169,11 @@ class Controller:
             In a state other than ``ready``.
         """
         self._machine.check("start_scan")
+        self._owner = threading.get_ident()
         self._supervisor.begin()
-        context = RunContext(
-            self.bench, self.settings, self._machine, self._supervisor, self._requests, self._known, self._log
-        )
-        run = ScanRun(context, job, store, list(sinks))
-        try:
-            return run.run()
-        finally:
-            self.safe = run.outcome.safe
+        owned = (self._machine, self._supervisor, self._requests, self._connection.known, self._shutdown, self._log)
+        context = RunContext(self.bench, self.settings, *owned)
+        return ScanRun(context, job, store, list(sinks)).run()
 
     def rest(self, until: Callable[[], bool] = lambda: True) -> None:
         """Let time pass without light until something holds; obeys at once who asks to stop.
@@ -189,7 +197,7 @@ class Controller:
                 self.emergency_off()
                 raise
             if stop:
-                self.safe = make_safe(self.bench)
+                self._shutdown()
                 raise Interrupted("interrupted")
             if until():
                 return
@@ -199,45 +207,39 @@ class Controller:
         """Take note of a fault: close all links, each device in its safe state, and return the cause."""
         self._machine.check("acknowledge")
         cause = self.cause
-        self._machine.go("acknowledge", self._close_all)
+        self._machine.go("acknowledge", self._connection.close)
         self._machine.clear()
         self._supervisor.monitor.clear()
+        self._requests.clear()
         return cause
 
     def shut_down(self) -> SafeState:
-        """Bring everything to its safe state, switch the diode's controller off, close all links."""
-        self._machine.check("shut_down")
-        self.safe = make_safe(self.bench, diode_off=True)
-        self._machine.go("shut_down", self._close_all)
+        """Bring everything to its safe state, switch the diode's controller off, close all links; in every state.
+
+        A fault stays latched until it is acknowledged. While the radar warms up or scans this is an emergency off,
+        and the links stay open for the run that ends: call it again after that.
+        """
+        if self.state in BUSY:
+            return self.emergency_off()
+        if self._connection.is_open:
+            self._shutdown(diode_off=True)
+            self._machine.go("shut_down", self._connection.close)
         return self.safe
 
     def emergency_off(self) -> SafeState:
-        """Everything off now, in whatever state, by the thread that owns the devices; latches ``fault``.
+        """Everything off now, in every state and from any thread; latches ``fault``.
 
-        While a scan runs, that thread is in `scan`: ask with ``request("emergency off")`` then.
+        While the radar warms up or scans, another thread than the one that does so only asks, and gets the outcome of
+        the shutdown before.
         """
-        self.safe = make_safe(self.bench, diode_off=True)
+        if self.state in BUSY:
+            self.request("emergency off")
+            if threading.get_ident() != self._owner:
+                return self.safe
+        self._supervisor.stop_beating()
+        self._shutdown(diode_off=True)
         self._machine.fail(f"emergency off; {self.safe}")
         return self.safe
-
-    # ---- entry actions
-
-    def _open_all(self) -> None:
-        try:
-            open_devices(self.bench)
-            self.bench.pulser.configure(prf_hz=self.settings.pulser.prf_hz, drive_v=self.settings.pulser.drive_v)
-            self._known = self.bench.identify()
-        except BaseException:
-            self.safe = make_safe(self.bench)
-            self._close_all()
-            raise
-
-    def _close_all(self) -> None:
-        for name, device in self.bench.devices().items():
-            try:
-                device.close()
-            except DeviceError as error:
-                self._log.warning("close failed", device=name, error=str(error))
 
     def _warm(self, show: Callable[[TemperatureStatus], None] | None) -> None:
         if not reach_temperature(self.bench, self.settings.diode, self._requests, show):

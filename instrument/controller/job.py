@@ -84,6 +84,8 @@ class ScanOutcome:
         Why the scan had to wait, each time.
     flags : Counter
         How many entries carry each flag, by its words.
+    sinks : dict of str to str
+        How far each sink came: ``complete``, lines skipped, failed, or hanging.
     """
 
     stop_reason: str = "complete"
@@ -94,6 +96,7 @@ class ScanOutcome:
     dark_s: float = 0.0
     suspended: list[str] = field(default_factory=list)
     flags: Counter[str] = field(default_factory=Counter)
+    sinks: dict[str, str] = field(default_factory=dict)
 
     def count(self, line: ScanLine) -> None:
         """Add a stored line to the counts."""

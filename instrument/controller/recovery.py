@@ -26,26 +26,6 @@ def waits() -> Iterator[float]:
         wait_s = min(2 * wait_s, LONGEST_WAIT_S)
 
 
-def open_devices(bench: Bench) -> None:
-    """Open all, also after one has failed: the more links stand, the more can be switched off and read back.
-
-    Raises
-    ------
-    DeviceError
-        Of the first device that failed, with those of the others as notes.
-    """
-    failures: list[DeviceError] = []
-    for device in bench.devices().values():
-        try:
-            device.open()
-        except DeviceError as error:
-            failures.append(error)
-    if failures:
-        for other in failures[1:]:
-            failures[0].add_note(f"and {other}")
-        raise failures[0]
-
-
 def reopen(bench: Bench, settings: Settings, known: Mapping[str, Identity], log: Log) -> None:
     """Open every device that does not answer, check that it is the same one, and keep the diode at its temperature.
 

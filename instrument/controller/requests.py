@@ -74,6 +74,23 @@ class Requests:
             raise EndScan(REASONS["finish"])
         return "resume" in asked
 
+    def raise_emergency(self) -> None:
+        """Obey an emergency off and leave everything else in the queue; for the end of a scan, which goes on anyhow.
+
+        Raises
+        ------
+        InterlockTripped
+        """
+        asked = self._take()
+        for what in asked:
+            if what == "emergency off":
+                self._obey(what)
+            self.put(what)
+
+    def clear(self) -> None:
+        """Forget what was asked for, once nothing is left that it could stop."""
+        self._take()
+
     def stop_asked(self) -> bool:
         """Get whether any way to end was asked for; for work without light.
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from picoradar.drivers.errors import DeviceError, DeviceFault
+from collections.abc import Sequence
+
 from picoradar.instrument.controller.context import RunContext, reach_working_point
 from picoradar.instrument.controller.disk import lines_left, refuse_small_disk
+from picoradar.instrument.controller.ending import Ending
 from picoradar.instrument.controller.job import STATE_EVENT, LineStore, ScanJob, ScanOutcome, Sink
 from picoradar.instrument.controller.recovery import LIMIT_S, LINK_ERRORS, apply_settings, reopen, waits
 from picoradar.instrument.controller.requests import EndScan
-from picoradar.instrument.controller.safety import make_safe
+from picoradar.instrument.controller.subscribers import Subscribers, Subscription
 from picoradar.instrument.errors import InterlockTripped
 from picoradar.instrument.line import ScanLine
 
@@ -26,19 +28,21 @@ class ScanRun:
     job : ScanJob
     store : LineStore
         Each line is stored before it is handed on.
-    sinks : list of callables
+    sinks : sequence of callables or Subscription
         Get each stored line; one that raises is left out from then on.
     """
 
-    def __init__(self, context: RunContext, job: ScanJob, store: LineStore, sinks: list[Sink]) -> None:
+    def __init__(
+        self, context: RunContext, job: ScanJob, store: LineStore, sinks: Sequence[Sink | Subscription]
+    ) -> None:
         self.outcome = ScanOutcome()
         self._context = context
         self._bench = context.bench
         self._clock = context.bench.clock
         self._job = job
         self._store = store
-        self._sinks = sinks
-        self._began_s = self._clock.now()
+        self._subscribers = Subscribers(sinks, context.log, in_line=not self._clock.real_time)
+        self._ending = Ending(context, store, self.outcome)
         self._settled = False
 
     def run(self) -> ScanOutcome:
@@ -49,35 +53,22 @@ class ScanRun:
         InterlockTripped, DeviceError, RecordingError
             After the safe shutdown, with the state at ``fault`` (or still ``ready``, when it was refused before light).
         """
-        machine = self._context.machine
         try:
+            with self._ending, self._ending, self._ending:  # three, since an end may be broken off, and that one again
+                self._take_lines()
+        finally:
+            self.outcome.sinks = self._subscribers.finish()  # it is dark: they may take their time
+        return self.outcome
+
+    def _take_lines(self) -> None:
+        try:
+            self._context.requests.at_point()  # who has asked to stop already gets no light at all
             if self._job.rows:
                 self._begin()
             for row in self._job.rows:
                 self._keep(self._take(row))
         except EndScan as end:
             self.outcome.stop_reason = str(end)
-            self._leave(None)
-        except BaseException as error:
-            self.outcome.stop_reason = f"{type(error).__name__}: {error}"
-            refused = machine.state == "ready" and isinstance(error, InterlockTripped) and error.action != "off"
-            try:
-                self._leave(error)
-            finally:
-                if not refused:
-                    machine.fail("; ".join([str(error) or type(error).__name__, *self._behind(error)]))
-                self._close_store()
-            raise
-        else:
-            self._leave(None)
-        if not self.outcome.safe.laser_off_verified:
-            machine.fail(str(self.outcome.safe))
-            self._close_store()
-            return self.outcome
-        if machine.state != "ready":
-            machine.go("end_scan")
-        self._write_end()
-        return self.outcome
 
     # ---- light
 
@@ -101,7 +92,7 @@ class ScanRun:
                 self._store.event(self._clock.now(), "working point not reached")
             self._settled = True
             if not self.outcome.lines:
-                self._began_s = self._clock.now()  # until here the radar got ready; from here on it scans
+                self._ending.begin_now()  # until here the radar got ready; from here on it scans
 
     # ---- lines
 
@@ -129,12 +120,7 @@ class ScanRun:
             self._store.event(self._clock.now(), STATE_EVENT, line=line.index, **state)
         self._store.append(line, acknowledged_at_s=self._clock.now())
         self.outcome.count(line)
-        for sink in list(self._sinks):
-            try:
-                sink(line)
-            except Exception as error:  # noqa: BLE001 - a viewer may fail in any way; the beam and the recording go on
-                self._sinks.remove(sink)
-                self._context.log.error("sink failed and is left out", line=line.index, error=repr(error))
+        self._subscribers.take(line)
 
     def _between(self) -> None:
         self._context.requests.at_point()
@@ -197,7 +183,7 @@ class ScanRun:
 
     def _go_dark(self, verb: str, cause: Exception | None) -> None:
         self._context.supervisor.stop_beating()
-        safe = make_safe(self._bench, blamed=self._bench.suspected(cause) if cause is not None else "")
+        safe = self._context.shutdown(blamed=cause)
         self._context.machine.go(verb)
         self._store.event(
             self._clock.now(), verb, state=self._context.machine.state, cause=str(cause or ""), **safe.steps
@@ -205,45 +191,3 @@ class ScanRun:
         self._context.log.warning(verb, cause=str(cause or ""), safe=str(safe))
         if not safe.laser_off_verified:
             raise InterlockTripped(verb, str(safe), action="off")
-
-    # ---- the end
-
-    def _leave(self, error: BaseException | None) -> None:
-        self._context.supervisor.stop_beating()
-        decided_s = self._clock.now()
-        blamed = self._bench.suspected(error) if error is not None else ""
-        everything = isinstance(error, InterlockTripped) and error.action == "off"
-        self.outcome.safe = make_safe(self._bench, blamed=blamed, diode_off=everything)
-        self.outcome.dark_s = self._clock.now() - decided_s
-        self.outcome.device_time_s = decided_s - self._began_s
-        level = self._context.log.info if self.outcome.safe.laser_off_verified else self._context.log.critical
-        level("scan ended", reason=self.outcome.stop_reason, safe=str(self.outcome.safe), lines=self.outcome.lines)
-
-    def _behind(self, error: BaseException) -> list[str]:
-        """Find the interlock behind a device's refusal, now that the laser is off."""
-        if not isinstance(error, DeviceFault):
-            return []
-        try:
-            self._poll(emitting=False)
-        except (InterlockTripped, DeviceError) as found:
-            return [str(found)]
-        return []
-
-    def _close_store(self) -> None:
-        """Write down a failed scan as far as the store can; the failure that ended the scan is the one to raise."""
-        try:
-            self._write_end()
-        except Exception as error:  # noqa: BLE001 - must not hide the failure that is being raised
-            self._context.log.error("the end of the scan could not be recorded", error=repr(error))
-
-    def _write_end(self) -> None:
-        outcome = self.outcome
-        state = self._context.machine.state
-        self._store.event(self._clock.now(), "safe state", state=state, **outcome.safe.steps)
-        self._store.finish(
-            outcome.stop_reason,
-            laser_off_verified=outcome.safe.laser_off_verified,
-            device_time_s=outcome.device_time_s,
-            flags=dict(outcome.flags),
-            suspended=outcome.suspended,
-        )

@@ -38,7 +38,31 @@ class SafeState:
         return "; ".join([laser, *open_points])
 
 
-def make_safe(bench: Bench, *, blamed: str = "", diode_off: bool = False) -> SafeState:
+class SafeShutdown:
+    """`make_safe` for one bench, which remembers its last outcome, also when what called it was broken off.
+
+    Parameters
+    ----------
+    bench : Bench
+
+    Attributes
+    ----------
+    last : SafeState
+        Outcome of the last one that came to its end; without steps before the first.
+    """
+
+    def __init__(self, bench: Bench) -> None:
+        self.last = SafeState()
+        self._bench = bench
+
+    def __call__(self, *, blamed: BaseException | None = None, diode_off: bool = False) -> SafeState:
+        """Bring everything to its safe state; parameters and what is raised as for `make_safe`."""
+        suspected = self._bench.suspected(blamed) if blamed is not None else ""
+        self.last = make_safe(self._bench, suspected=suspected, diode_off=diode_off)
+        return self.last
+
+
+def make_safe(bench: Bench, *, suspected: str = "", diode_off: bool = False) -> SafeState:
     """Close the gate, stop triggers and supply, end the run, park the mirrors; each tried, each read back.
 
     Never raises an `Exception`: a step that fails is written down and the next one is tried.
@@ -46,7 +70,7 @@ def make_safe(bench: Bench, *, blamed: str = "", diode_off: bool = False) -> Saf
     Parameters
     ----------
     bench : Bench
-    blamed : str, optional
+    suspected : str, optional
         Device whose failure led here: its steps come last, for they may cost the time of an answer that never comes.
     diode_off : bool, optional
         Switch the diode's controller off as well.
@@ -64,7 +88,7 @@ def make_safe(bench: Bench, *, blamed: str = "", diode_off: bool = False) -> Saf
     ]
     if diode_off:
         steps.append(("diode", "diode", bench.diode.off))
-    steps.sort(key=lambda step: step[1] == blamed)
+    steps.sort(key=lambda step: step[1] == suspected)
     outcome: dict[str, str] = {}
     broken_off: BaseException | None = None
     for name, _, step in steps:

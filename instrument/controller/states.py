@@ -18,6 +18,10 @@ STATES: Final[dict[State, str]] = {
 }
 
 
+BUSY: Final[tuple[State, ...]] = ("warming", "scanning", "paused", "suspended")
+"""States in which a verb is being carried out: one thread owns the devices, all others may only ask."""
+
+
 class Transition(NamedTuple):
     """One arrow of the diagram: ``verb`` leads from any of ``sources`` to ``target``."""
 
@@ -45,7 +49,13 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
         "an entry action failed, an interlock tripped, a limit passed, or emergency off",
     ),
     Transition("acknowledge", ("fault",), "off", "a person has read the cause; all links are closed"),
-    Transition("shut_down", ("connected", "warming", "ready"), "off", "everything off, all links closed"),
+    Transition("shut_down", ("off", "connected", "ready"), "off", "everything off, all links closed"),
+    Transition(
+        "shut_down",
+        ("fault", "warming", "scanning", "paused", "suspended"),
+        "fault",
+        "everything off; in mid-work an emergency off; a fault stays latched",
+    ),
 )  # fmt: skip
 
 

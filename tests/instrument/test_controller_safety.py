@@ -58,10 +58,10 @@ def test_what_ends_the_program_waits_until_all_steps_were_tried(kind: type[BaseE
 
 def test_the_device_that_failed_is_asked_last_because_it_may_not_answer() -> None:
     bench = Steps({})
-    make_safe(bench, blamed="sampler")  # type: ignore[arg-type]
+    make_safe(bench, suspected="sampler")  # type: ignore[arg-type]
     assert bench.done == ["pulser", "mirrors", "gate", "run"]
     bench = Steps({})
-    make_safe(bench, blamed="pulser")  # type: ignore[arg-type]
+    make_safe(bench, suspected="pulser")  # type: ignore[arg-type]
     assert bench.done == ["gate", "run", "mirrors", "pulser"]
 
 

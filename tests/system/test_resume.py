@@ -82,7 +82,7 @@ def test_an_aborted_scan_goes_on_to_the_same_bytes(
     assert content(path) == whole
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGKILL])
 def test_a_killed_scan_goes_on_to_the_same_bytes(
     number: signal.Signals, whole: list[bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import tempfile
 from contextlib import ExitStack
 from importlib import resources
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from picoradar.instrument.cli import options, output
+from picoradar.instrument.cli import options, output, signals
 from picoradar.instrument.errors import BadInput
 
 if TYPE_CHECKING:
@@ -118,12 +117,12 @@ def _make_folder(folder: Path) -> None:
 
 
 def _stop_signals() -> list[int]:
-    """Collect Ctrl-C and SIGTERM from now on; the list stays empty until one comes."""
+    """Collect the signals that end a program from now on; the list stays empty until one comes."""
     came: list[int] = []
 
     def note(number: int, _frame: FrameType | None) -> None:
+        signals.leave_terminal(number)
         came.append(number)
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, note)
+    signals.handle(note)
     return came

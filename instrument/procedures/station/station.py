@@ -21,7 +21,7 @@ from picoradar.instrument.calibration import (
     angles_to_codes,
     asked_angles,
 )
-from picoradar.instrument.controller import Controller
+from picoradar.instrument.controller import Controller, Subscription
 from picoradar.instrument.errors import Interrupted
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import ScanLine
@@ -175,7 +175,7 @@ class Station:
         path = self.folder / "raw" / f"{name}.db"
         lines: list[ScanLine] = []
         with Recording.create(path, job.header(radar.identities, seed=radar.seed, scale=scale)) as recording:
-            outcome = self.controller.scan(job, recording, [lines.append])
+            outcome = self.controller.scan(job, recording, [Subscription(lines.append, every_line=True)])
         if outcome.stop_reason != "complete":
             raise Interrupted(outcome.stop_reason)
         return Measured(path, tuple(lines))

@@ -20,6 +20,7 @@ from picoradar.instrument.controller.interlocks import interlocks
 from picoradar.instrument.controller.machine import StateMachine
 from picoradar.instrument.controller.requests import Requests
 from picoradar.instrument.controller.run import ScanRun
+from picoradar.instrument.controller.safety import SafeShutdown
 from picoradar.instrument.controller.supervision import Supervisor
 from picoradar.instrument.line import Flag, ScanLine
 from picoradar.instrument.settings import Settings
@@ -158,7 +159,16 @@ class Script:
                 for level in ("info", "warning", "error", "critical")
             }
         )
-        context = RunContext(self.bench, self.settings, self.machine, self.supervisor, self.requests, known, log)
+        context = RunContext(
+            self.bench,
+            self.settings,
+            self.machine,
+            self.supervisor,
+            self.requests,
+            known,
+            SafeShutdown(self.bench),
+            log,
+        )
         return ScanRun(context, self, self, list(sinks))
 
 

@@ -94,7 +94,7 @@ def test_a_viewer_that_fails_is_left_out_and_the_others_go_on(script: Any) -> No
     script.run(broken, lambda line: seen.append(("sound", line.index))).run()
     assert seen == [("broken", 0), ("sound", 0), ("sound", 1), ("sound", 2)]
     assert script.told("error") == [
-        ("sink failed and is left out", {"line": 0, "error": "RuntimeError('no display')"}),
+        ("sink failed and is left out", {"sink": "broken", "line": 0, "error": "RuntimeError('no display')"}),
     ]
 
 
