@@ -1,0 +1,87 @@
+"""A terminal that goes away, a closed stdout, a full disk behind stderr: the scan is the same, and its exit status."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from picoradar.instrument.recording import Recording
+
+COMMAND = (sys.executable, "-m", "picoradar.instrument.cli")
+SCAN = ("scan", "--grid", "4x3", "--seed", "4", "-o")
+needs_posix = pytest.mark.skipif(os.name == "nt", reason="terminals and /dev/full of POSIX")
+
+
+def whole(path: Path) -> bool:
+    with Recording.open(path) as recording:
+        return recording.complete and recording.stop_reason == "complete" and bool(recording.laser_off_verified)
+
+
+@needs_posix
+@pytest.mark.parametrize(
+    ("redirected", "told"),
+    [(">&-", True), (">/dev/full", True), ("| true", False), ("2>&-", False), ("2>/dev/full", False)],
+)
+def test_a_stream_that_cannot_be_written_changes_nothing(redirected: str, told: bool, tmp_path: Path) -> None:
+    path = tmp_path / "scan.db"
+    command = f"set -o pipefail; {' '.join((*COMMAND, '--verbose', *SCAN))} {path} {redirected}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert ("stdout could not be written" in done.stderr) is told
+    assert "Traceback" not in done.stderr
+    assert whole(path)
+
+
+@needs_posix
+def test_a_terminal_that_is_closed_ends_the_scan_safely(tmp_path: Path) -> None:
+    import pty
+
+    path = tmp_path / "scan.db"
+    child, terminal = pty.fork()
+    if child == 0:
+        os.execv(sys.executable, [*COMMAND, *SCAN, str(path), "--speed", "20"])
+    end = time.monotonic() + 60
+    while time.monotonic() < end and not lines_in(path):
+        time.sleep(0.05)
+    os.close(terminal)
+    _, status = os.waitpid(child, 0)
+    assert os.waitstatus_to_exitcode(status) == 130
+    with Recording.open(path) as recording:
+        assert recording.stop_reason == "interrupted"
+        assert recording.laser_off_verified
+        assert 1 <= len(recording.done) < 4
+
+
+def lines_in(path: Path) -> int:
+    if not path.exists():
+        return 0
+    try:
+        with Recording.open(path) as recording:
+            return len(recording.done)
+    except Exception:  # noqa: BLE001 - it is just being created
+        return 0
+
+
+def test_the_json_of_an_interrupted_scan_is_still_one_object(tmp_path: Path) -> None:
+    path = tmp_path / "scan.db"
+    process = subprocess.Popen(
+        [*COMMAND, *SCAN, str(path), "--speed", "20", "--json"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    end = time.monotonic() + 60
+    while time.monotonic() < end and not lines_in(path):
+        time.sleep(0.05)
+    process.terminate()
+    process.terminate()  # the second is an emergency off; the status stays that of an interruption
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 130, err
+    assert json.loads(out)["exit_status"] == 130
+    assert "laser off verified" in err
