@@ -59,10 +59,17 @@ class Pulser:
         self.amplitude_v = amplitude_v
         self.rise_limit_s = rise_limit_s
 
+    @property
+    def found_on(self) -> tuple[str, ...]:
+        """Get what of the two was on when they were opened: ``triggers``, ``supply``."""
+        return (*self.generator.found_on, *self.supply.found_on)
+
     def open(self) -> None:
-        """Open both devices with everything off, set the trigger pulse and the limits of the supply."""
-        self.generator.open()
-        self.supply.open()
+        """Open both devices with everything off, set the trigger pulse and the limits of the supply.
+
+        Both are opened even if one fails: the other can then be switched off.
+        """
+        _all_of(self.generator.open, self.supply.open)
         self.generator.inhibit = Inhibit.TRIGGERS
         self.generator.burst = False
         self.generator.set_delay(Channel.A, Channel.T0, self.pulse_delay_s)
@@ -141,6 +148,19 @@ class Pulser:
         The voltage falls with the supply's own time constant: `status` reports it.
         """
         _all_of(self.generator.stop_triggers, lambda: self.supply.switch(on=False))
+
+    def watch(self) -> bool | None:
+        """Ask both devices without waiting; returns whether both are on once both answers have come.
+
+        Costs no time: each call takes what has come to the questions of the calls before, and asks again.
+
+        Raises
+        ------
+        Timeout, ProtocolError, LinkLost
+            When an answer is overdue: the device, or the cable to it, has gone, and could not be switched off.
+        """
+        answers = (self.generator.triggers_answer(), self.supply.output_answers())
+        return False if False in answers else None if None in answers else True
 
     def status(self) -> PulserStatus:
         """Measure the present state of both devices."""

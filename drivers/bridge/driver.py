@@ -45,7 +45,11 @@ class SamplingBridge(TriggerGate):
     ----------
     info, caps
         Identity and limits, as read at opening.
+    found_on : tuple of str
+        ``gate``, if it was open at opening.
     """
+
+    found_on: tuple[str, ...] = ()
 
     def __init__(self, link: UsbLink, *, retries: int = RETRIES) -> None:
         super().__init__(link)
@@ -73,6 +77,7 @@ class SamplingBridge(TriggerGate):
             self._configuration = None
             self._requests.errors()
             self._requests.noted.clear()
+            self.found_on = ("gate",) if self._requests.status().gate is sbp.Gate.ON else ()
             self.gate_off()
             self.stop()
             self._watchdog_ms = min(round(self.link.clock.patience_s(WATCHDOG_MS)), self.caps.watchdog_max_ms)

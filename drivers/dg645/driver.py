@@ -38,6 +38,8 @@ class DG645(Dg645Session):
         The line to it; owned by this object from now on.
     """
 
+    found_on: tuple[str, ...] = ()
+
     trigger_source = Control("TSRC", TriggerSource, "Control what starts a cycle (`TriggerSource`).")
     trigger_rate_hz = Control(
         "TRAT",
@@ -110,6 +112,7 @@ class DG645(Dg645Session):
         self.identify()
         self.link.write(encode("*CLS"))
         self.errors()
+        self.found_on = () if self.trigger_source is TriggerSource.SINGLE_SHOT else ("triggers",)
         self.stop_triggers()
 
     def identify(self) -> Identity:

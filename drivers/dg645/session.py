@@ -5,7 +5,15 @@ Set commands give no reply, so every block of them ends with ``LERR?`` (protocol
 
 from __future__ import annotations
 
-from picoradar.drivers.dg645.wire import ERRORS, QUEUE_LENGTH, REPLY_END, decode, encode, format_number
+from picoradar.drivers.dg645.wire import (
+    ERRORS,
+    QUEUE_LENGTH,
+    REPLY_END,
+    TriggerSource,
+    decode,
+    encode,
+    format_number,
+)
 from picoradar.drivers.errors import DeviceFault, ProtocolError
 from picoradar.drivers.links import LATE_S, SerialSession, read_number
 from picoradar.drivers.links.retry import retry
@@ -37,6 +45,7 @@ class Dg645Session(SerialSession):
         DeviceFault
             With the oldest code in the error queue and its meaning.
         """
+        self._take_answer_ahead(REPLY_END)
         self._resynchronise()
         for command in commands:
             self.link.write(encode(command))
@@ -102,7 +111,20 @@ class Dg645Session(SerialSession):
             raise self._unexpected(f"{number:g}", query, f"an integer from {minimum} to {maximum}")
         return int(number)
 
+    def triggers_answer(self) -> bool | None:
+        """Ask for the trigger source without waiting; returns whether it is the internal one once the answer has come.
+
+        For a regular look under light: it costs no time, and shows within a second that the line has gone.
+
+        Raises
+        ------
+        Timeout, ProtocolError, LinkLost
+            When no answer comes, also not when it is asked for again, or the port has vanished.
+        """
+        return self._ask_ahead(encode("TSRC?"), REPLY_END, lambda line: int(decode(line)) == TriggerSource.INTERNAL)
+
     def _exchange(self, text: str) -> str:
+        self._take_answer_ahead(REPLY_END)
         self._resynchronise()
         self.link.take_leftover()  # the instrument sends nothing unasked: this is left over from a corrupted reply
         self._synchronised = False

@@ -34,6 +34,7 @@ class Genesys(GenesysSession):
         super().__init__(link, address, checksum=checksum)
         self.rated_v = 600.0
         self.rated_a = 1.3
+        self.found_on: tuple[str, ...] = ()
 
     voltage_v: Control[str, float] = Control(
         "PV",
@@ -150,8 +151,12 @@ class Genesys(GenesysSession):
         self.command(f"ADR {self.address}")
         self.rated_v, self.rated_a = self._rating(self.query("IDN?"))
         self.remote = Remote.REM
+        self.found_on = ("supply",) if self.output else ()
         self.auto_start = False
         self.switch(on=False)
+        if self.auto_start:
+            what = "auto-start is on after it was set off: the output would come back by itself"
+            raise DeviceFault(self.device, what, "set it off at the front panel, or have it serviced")
 
     def identify(self) -> Identity:
         """Get model, serial number and firmware."""

@@ -97,8 +97,26 @@ class GenesysSession(SerialSession):
             raise self._unexpected(text, f"{key}?", "two hex digits")
         return int(text, 16)
 
+    def output_answers(self) -> bool | None:
+        """Ask for the output without waiting; returns whether it is on once the answer has come.
+
+        For a regular look under light: it costs no time, and shows within a second that the line has gone.
+
+        Raises
+        ------
+        Timeout, ProtocolError, LinkLost
+            When no answer comes, also not when it is asked for again, or the port has vanished.
+        """
+
+        def read(line: bytes) -> bool | None:
+            text = self._solicited(line)
+            return None if text is None else bool(SWITCH[text])
+
+        return self._ask_ahead(encode("OUT?", with_checksum=self.checksum), END, read)
+
     def _understood(self, text: str) -> str:
         """Exchange one message; one that was corrupted on its way to the supply counts as a corrupted reply."""
+        self._take_answer_ahead(END)
         self._resynchronise()
         self._synchronised = False
         reply = self._exchange(text)

@@ -46,6 +46,8 @@ class Helios:
         Name that the device must have; None accepts any.
     """
 
+    found_on: tuple[str, ...] = ()  # mirrors make no light
+
     def __init__(self, link: UsbLink, *, name: str | None = None) -> None:
         self.link = link
         self.expected_name = name

@@ -28,6 +28,11 @@ class Identity:
 class Device(Protocol):
     """What every device can do."""
 
+    @property
+    def found_on(self) -> tuple[str, ...]:
+        """Get what was switched on when it was opened, before it was brought to its safe state: ``gate``,
+        ``triggers``, ``supply``, ``diode``."""
+
     def open(self) -> None:
         """Open the link, identify the device and bring it into its safe state.
 

@@ -61,5 +61,14 @@ class Pulser(Device, Protocol):
             When one of them could not be verified off.
         """
 
+    def watch(self) -> bool | None:
+        """Look, without waiting, whether triggers and supply still answer; None while the answers are under way.
+
+        Raises
+        ------
+        DeviceError
+            When one of them has not answered in time: it could not be switched off.
+        """
+
     def status(self) -> PulserStatus:
         """Measure the present state of both devices."""

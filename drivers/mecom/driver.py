@@ -40,6 +40,8 @@ class Tec(SerialSession):
         Number of the first telegram, 0 to 65535.
     """
 
+    found_on: tuple[str, ...] = ()
+
     def __init__(
         self, link: SerialLink, address: int = 1, *, instance: int = 1, watchdog_s: float = 0.0, first_sequence: int = 0
     ) -> None:
@@ -102,6 +104,7 @@ class Tec(SerialSession):
         self.identify()
         if self.error_number == WATCHDOG_EXPIRED:
             self.reset()
+        self.found_on = () if self.output_enable is OutputEnable.OFF else ("diode",)
         self._set_up()
         self.off()
 

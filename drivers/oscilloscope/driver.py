@@ -80,6 +80,11 @@ class Oscilloscope:
         self._sweep: SweepSettings | None = None
 
     @property
+    def found_on(self) -> tuple[str, ...]:
+        """Get what of the device that has the gate was on when it was opened."""
+        return self.gate.found_on if self.gate is not None else ()
+
+    @property
     def zero_code(self) -> float:
         """Get the code of 0 V in the records: a fixed scale over the vertical range."""
         return CODES_BELOW + (self.full_scale_v / 2 - self.offset_v) * 1e3 / self.mv_per_code

@@ -35,6 +35,8 @@ class TC200(Tc200Session):
         The device has no criterion of stability: within this distance of its target it counts as stable.
     """
 
+    found_on: tuple[str, ...] = ()
+
     def __init__(self, link: SerialLink, *, stable_within_degc: float = 0.2) -> None:
         super().__init__(link)
         self.stable_within_degc = stable_within_degc
@@ -134,6 +136,7 @@ class TC200(Tc200Session):
         self.command("unit=c")
         if not self.status_bits.celsius:
             raise DeviceFault(self.device, "unit is not degC after it was set to degC")
+        self.found_on = ("diode",) if Status.ENABLED in self.status_bits else ()
         self.off()
 
     def identify(self) -> Identity:

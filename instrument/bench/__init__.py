@@ -3,6 +3,7 @@
 from picoradar.instrument.bench.bench import Bench
 from picoradar.instrument.bench.doctor import Finding, examine
 from picoradar.instrument.bench.opening import DeviceMaker, make_bench, named_backend
+from picoradar.instrument.bench.reachable import reachable_bench
 
 __all__ = [
     "Bench",
@@ -11,4 +12,5 @@ __all__ = [
     "examine",
     "make_bench",
     "named_backend",
+    "reachable_bench",
 ]

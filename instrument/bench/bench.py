@@ -38,6 +38,10 @@ class Bench:
                 return name
         return ""
 
+    def found_on(self) -> tuple[str, ...]:
+        """Get what was on when the devices were opened: ``gate``, ``triggers``, ``supply``, ``diode``."""
+        return tuple(name for device in self.devices().values() for name in device.found_on)
+
     def identify(self) -> dict[str, Identity]:
         """Get the identity of each device."""
         return {name: device.identify() for name, device in self.devices().items()}

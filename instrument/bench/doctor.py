@@ -45,12 +45,15 @@ class Finding:
         How it is reached.
     problem : str
         What is wrong and what to do; empty when nothing is.
+    found_on : tuple of str
+        What was on when it was opened, which switched it off.
     """
 
     name: str
     identity: str
     link: str
     problem: str
+    found_on: tuple[str, ...] = ()
 
     @property
     def ok(self) -> bool:
@@ -138,10 +141,12 @@ def _examined(
 ) -> tuple[Finding, DeviceError | None]:
     """Examine one device, and return what stopped the examination."""
     identity = ""
+    found_on: tuple[str, ...] = ()
     problems: list[str] = []
     failure: DeviceError | None = None
     try:
         with _opened(open_driver()) as device:
+            found_on = device.found_on
             identity = str(device.identify())
             problems += check(device)
     except BadInput as error:
@@ -149,7 +154,7 @@ def _examined(
     except DeviceError as error:
         failure = error
         problems.append(f"{error.what}: {error.remedy}" if error.remedy else error.what)
-    return Finding(name, identity, link, "; ".join(problems)), failure
+    return Finding(name, identity, link, "; ".join(problems), found_on), failure
 
 
 @contextmanager

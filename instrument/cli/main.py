@@ -115,6 +115,7 @@ def _register_subcommands() -> None:
         export,
         info,
         laser_class,
+        off,
         register,
         reprocess,
         resume,
@@ -124,7 +125,7 @@ def _register_subcommands() -> None:
         validate,
     )
 
-    modules = (demo, settings, doctor, sim, scan, resume, info, export, reprocess, register)
+    modules = (demo, settings, doctor, off, sim, scan, resume, info, export, reprocess, register)
     for module in (*modules, bench, calibration, validate, laser_class):
         module.add_to(app)
 

@@ -1,5 +1,6 @@
 """The controller: a state machine that owns the devices, interlocks as data, and the safe shutdown."""
 
+from picoradar.instrument.controller.connection import switch_off
 from picoradar.instrument.controller.controller import Controller
 from picoradar.instrument.controller.job import STATE_EVENT, Between, LineStore, ScanJob, ScanOutcome, Sink
 from picoradar.instrument.controller.laser_class import EDITION, PulseTrain, classify
@@ -28,4 +29,5 @@ __all__ = [
     "classify",
     "diagram",
     "make_safe",
+    "switch_off",
 ]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 from picoradar.drivers.errors import DeviceError
 from picoradar.drivers.interfaces import Identity
 from picoradar.instrument.bench import Bench
-from picoradar.instrument.controller.safety import SafeShutdown
+from picoradar.instrument.controller.safety import STEP_OF, VERIFIED, SafeShutdown, SafeState, make_safe, words_of
 from picoradar.instrument.events import Log
 from picoradar.instrument.settings import PulserSettings
 
@@ -48,6 +50,8 @@ class Connection:
             open_devices(self._bench)
             self._bench.pulser.configure(prf_hz=pulser.prf_hz, drive_v=pulser.drive_v)
             self.known = self._bench.identify()
+            if found_on := self._bench.found_on():
+                self._log.warning("was on when it was connected", found_on=list(found_on))
         except BaseException:
             self._shutdown()
             self.close()
@@ -81,3 +85,30 @@ def open_devices(bench: Bench) -> None:
         for other in failures[1:]:
             failures[0].add_note(f"and {other}")
         raise failures[0]
+
+
+def switch_off(bench: Bench) -> tuple[tuple[str, ...], SafeState]:
+    """Bring everything to its safe state that can be reached, whatever it was found doing, and close the links.
+
+    For a bench that a program has left behind: killed, or its computer gone.
+
+    Returns
+    -------
+    found_on : tuple of str
+        What was on: ``gate``, ``triggers``, ``supply``, ``diode``.
+    SafeState
+        What was verified; the steps of a device that could not be opened say why.
+    """
+    why: dict[str, str] = {}
+    for name, device in bench.devices().items():
+        try:
+            device.open()
+        except DeviceError as error:
+            why[name] = words_of(error)
+    found = bench.found_on()
+    tried = make_safe(bench, diode_off=True).steps
+    steps = {step: why.get(STEP_OF[step], said) if said != VERIFIED else said for step, said in tried.items()}
+    for device in bench.devices().values():
+        with suppress(DeviceError):
+            device.close()
+    return found, SafeState(steps)

@@ -108,11 +108,12 @@ class ScanRun:
                 line = self._job.take_line(row, self._bench.galvo, self._bench.sampler, self._between)
                 self._context.supervisor.judge_line(*self._job.reference)
                 return line
-            except (InterlockTripped, *LINK_ERRORS) as cause:
+            except (InterlockTripped, *LINK_ERRORS) as error:
+                cause = self._context.supervisor.first_failure(error)
                 suspensions += 1
                 grave = isinstance(cause, InterlockTripped) and cause.action != "suspend"
                 if grave or suspensions > SUSPENSIONS_PER_LINE:
-                    raise
+                    raise cause from (None if cause is error else error)
                 self._suspend(cause)
 
     def _keep(self, line: ScanLine) -> None:
@@ -182,7 +183,7 @@ class ScanRun:
         self._context.requests.at_point()
 
     def _go_dark(self, verb: str, cause: Exception | None) -> None:
-        self._context.supervisor.stop_beating()
+        self._context.supervisor.rest()
         safe = self._context.shutdown(blamed=cause)
         self._context.machine.go(verb)
         self._store.event(

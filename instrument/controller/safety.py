@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from picoradar.instrument.bench import Bench
 
 VERIFIED = "verified"
+STEP_OF = {"gate": "sampler", "pulser": "pulser", "run": "sampler", "mirrors": "galvo", "diode": "diode"}
+"""Steps of the safe shutdown in their order, and the device of each."""
 
 
 @dataclass(frozen=True)
@@ -80,24 +82,23 @@ def make_safe(bench: Bench, *, suspected: str = "", diode_off: bool = False) -> 
     BaseException
         What is no `Exception` (a second Ctrl-C, the end of the interpreter), after all steps have been tried.
     """
-    steps: list[tuple[str, str, Callable[[], None]]] = [
-        ("gate", "sampler", bench.sampler.gate_off),
-        ("pulser", "pulser", bench.pulser.off),
-        ("run", "sampler", bench.sampler.stop),
-        ("mirrors", "galvo", bench.galvo.park),
-    ]
+    steps: dict[str, Callable[[], None]] = {
+        "gate": bench.sampler.gate_off,
+        "pulser": bench.pulser.off,
+        "run": bench.sampler.stop,
+        "mirrors": bench.galvo.park,
+    }
     if diode_off:
-        steps.append(("diode", "diode", bench.diode.off))
-    steps.sort(key=lambda step: step[1] == suspected)
+        steps["diode"] = bench.diode.off
     outcome: dict[str, str] = {}
     broken_off: BaseException | None = None
-    for name, _, step in steps:
+    for name in sorted(steps, key=lambda step: STEP_OF[step] == suspected):
         try:
-            step()
+            steps[name]()
         except Exception as error:  # noqa: BLE001 - no failure, of whatever kind, may keep the next step from being tried
-            outcome[name] = _words(error)
+            outcome[name] = words_of(error)
         except BaseException as error:  # noqa: BLE001 - raised again below, after the other steps
-            outcome[name] = _words(error)
+            outcome[name] = words_of(error)
             broken_off = error
         else:
             outcome[name] = VERIFIED
@@ -106,5 +107,6 @@ def make_safe(bench: Bench, *, suspected: str = "", diode_off: bool = False) -> 
     return SafeState(outcome)
 
 
-def _words(error: BaseException) -> str:
-    return str(error) or type(error).__name__
+def words_of(error: BaseException) -> str:
+    """Put an error, and what failed beside it, into one line."""
+    return "; ".join([str(error) or type(error).__name__, *getattr(error, "__notes__", [])])

@@ -9,13 +9,17 @@ from picoradar.drivers.errors import DeviceError
 from picoradar.instrument.bench import Bench
 from picoradar.instrument.controller.interlock_monitor import InterlockMonitor
 from picoradar.instrument.controller.interlocks import Interlock, Readings
+from picoradar.instrument.errors import InterlockTripped
 from picoradar.instrument.settings import WATCHDOG
 
 BEAT_S = WATCHDOG.value / 4  # SBP 1.0 section 5: every quarter of the timeout
 DIODE_POLL_S = 2.0  # between two points, the diode is polled this often; it cannot leave its band faster
-# The slow serial links are polled between two lines, this often. What can change faster shows elsewhere before each
-# point or line: gate, trigger rate and interlock at the bridge, drive voltage in the amplitude of the reference.
+# All readings of the slow serial links are taken between two lines, this often. What can change faster shows elsewhere
+# before each point or line: gate, trigger rate, interlock at the bridge; drive voltage in the reference's amplitude.
 POLL_ALL_S = 5.0
+# The second barrier, behind those links, is asked whether it is there, without waiting for an answer: a lost cable
+# shows after this, a beat and the time of an answer, within one second of the clock.
+WATCH_S = 0.24  # a little under the period of the heartbeat: one question a beat
 
 
 class Supervisor:
@@ -32,6 +36,7 @@ class Supervisor:
         self._timer: Timer | None = None
         self._failure: DeviceError | None = None
         self._pulser_free = False
+        self._watched_s = -float("inf")
         self._diode_seen_s = -float("inf")
         self._all_seen_s = -float("inf")
         self._first_reference_mv: float | None = None
@@ -54,6 +59,11 @@ class Supervisor:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
+
+    def rest(self) -> None:
+        """Stop beating, and forget what the beat has met: it has been acted upon, there is no light any more."""
+        self.stop_beating()
+        self._failure = None
 
     def poll_all(self, *, emitting: bool, disk_lines: Callable[[], float] | None = None) -> None:
         """Ask every device and check every interlock.
@@ -139,6 +149,8 @@ class Supervisor:
         if self._timer is not None:
             self._timer.cancel()
             self._bench.sampler.heartbeat()
+            self._watch_pulser()
+            self._raise_failure()
             self._timer = self._bench.clock.every(BEAT_S, self._beat)
 
     def _beat(self) -> None:
@@ -155,12 +167,44 @@ class Supervisor:
             self.stop_beating()
             if pulser_free:
                 self._stop_triggers(error)
+        else:
+            self._watch_pulser()
+
+    def _watch_pulser(self) -> None:
+        """Look whether the second barrier still answers; when it does not, close the first one at once.
+
+        Only while nobody else is in the middle of a question to the pulser.
+        """
+        now_s = self._bench.clock.now()
+        if not self._pulser_free or now_s - self._watched_s < WATCH_S:
+            return
+        try:
+            if self._bench.pulser.watch() is not None:
+                self._watched_s = now_s
+        except DeviceError as error:
+            self._failure = error
+            self.stop_beating()
+            self._close_gate(error)
+
+    def _close_gate(self, because: DeviceError) -> None:
+        try:
+            self._bench.sampler.gate_off()
+        except DeviceError as error:  # its watchdog closes it; the safe shutdown tries it again
+            because.add_note(f"and the gate could not be closed: {error}")
 
     def _stop_triggers(self, because: DeviceError) -> None:
         try:
             self._bench.pulser.off()
         except DeviceError as error:  # the safe shutdown tries it again, and writes down what came of it
             because.add_note(f"and the pulser could not be switched off: {error}")
+
+    def first_failure(self, error: Exception) -> Exception:
+        """Get what the heartbeat has met, which is what led to ``error``; that one itself when it has met nothing.
+
+        An interlock that switches everything off, or an emergency off, stands above both.
+        """
+        grave = isinstance(error, InterlockTripped) and error.action == "off"
+        return error if grave or self._failure is None else self._failure
 
     def _raise_failure(self) -> None:
         if self._failure is not None:

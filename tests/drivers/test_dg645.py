@@ -117,12 +117,15 @@ def test_opening_sequence(scripted):
             (b"*CLS\n", b""),
             (b"LERR?\n", b"111\r\n"),
             CHECK,
+            (b"TSRC?\n", b"0\r\n"),  # an earlier program has left it firing
             (b"TSRC 5\n", b""),
             CHECK,
             (b"TSRC?\n", b"5\r\n"),
         ]
     )
-    DG645(link).open()
+    generator = DG645(link)
+    generator.open()
+    assert generator.found_on == ("triggers",)
 
 
 def test_bytes_of_the_rate():

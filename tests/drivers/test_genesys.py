@@ -123,11 +123,24 @@ def test_opening_sequence(scripted):
     link = scripted(
         [
             (b"\r", b""),
-            *SHEET[:5],
+            *SHEET[:3],
+            (b"OUT?\r", b"ON\r"),  # an earlier program has left it on
+            *SHEET[3:5],
             (b"OUT?\r", b"OFF\r"),
+            (b"AST?\r", b"OFF\r"),
         ]
     )
-    Genesys(link).open()
+    supply = Genesys(link)
+    supply.open()
+    assert supply.found_on == ("supply",)
+
+
+def test_a_supply_that_keeps_its_auto_start_is_refused(scripted):
+    """With it the output would come back by itself when the interlock closes (sheet ``tdk_genesys``)."""
+    link = scripted([(b"\r", b""), *SHEET[:3], (b"OUT?\r", b"OFF\r"), *SHEET[3:5], (b"OUT?\r", b"OFF\r"),
+                     (b"AST?\r", b"ON\r")])  # fmt: skip
+    with pytest.raises(DeviceFault, match="auto-start"):
+        Genesys(link).open()
 
 
 @pytest.mark.parametrize("with_checksum", [False, True])

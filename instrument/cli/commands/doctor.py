@@ -39,7 +39,14 @@ def doctor(
         found = list(_shown(examine(wanted, make, acknowledge=acknowledge), quiet=json))
     if json:
         rows = [
-            {"name": f.name, "identity": f.identity or None, "link": f.link, "ok": f.ok, "problem": f.problem or None}
+            {
+                "name": f.name,
+                "identity": f.identity or None,
+                "link": f.link,
+                "ok": f.ok,
+                "problem": f.problem or None,
+                "found_on": list(f.found_on),
+            }
             for f in found
         ]
         output.print_json({"devices": rows, "ok": all(f.ok for f in found)})
@@ -77,6 +84,8 @@ def _shown(findings: Iterator[Finding], *, quiet: bool) -> Iterator[Finding]:
             mark = Text("ok  ", "green") if finding.ok else Text("FAIL", "bold red")
             who = finding.identity or "no answer"
             console.print(mark, f"{finding.name:8} {who}  ({finding.link})", soft_wrap=True)
+            if finding.found_on:
+                console.print(f"       was on: {', '.join(finding.found_on)}; switched off now", markup=False)
             if finding.problem:
                 console.print(f"       {finding.problem}", soft_wrap=True, markup=False)
         yield finding
