@@ -45,11 +45,9 @@ class SamplingBridge(TriggerGate):
     ----------
     info, caps
         Identity and limits, as read at opening.
-    found_on : tuple of str
-        ``gate``, if it was open at opening.
     """
 
-    found_on: tuple[str, ...] = ()
+    found_on: tuple[str, ...] = ()  # at opening
 
     def __init__(self, link: UsbLink, *, retries: int = RETRIES) -> None:
         super().__init__(link)

@@ -38,8 +38,6 @@ class DG645(Dg645Session):
         The line to it; owned by this object from now on.
     """
 
-    found_on: tuple[str, ...] = ()
-
     trigger_source = Control("TSRC", TriggerSource, "Control what starts a cycle (`TriggerSource`).")
     trigger_rate_hz = Control(
         "TRAT",
@@ -148,7 +146,7 @@ class DG645(Dg645Session):
         Raises
         ------
         LimitError
-            When the delay is out of range, or T0 or T1 is to be set; nothing was sent.
+            Out of range, or T0 or T1 is to be set; nothing was sent.
         DeviceFault
             Code 13 when the channels would refer to each other in a loop.
         """
@@ -172,8 +170,7 @@ class DG645(Dg645Session):
     def link_channel(self, channel: Channel, reference: Channel) -> None:
         """Control which channel another one's delay counts from.
 
-        Whether the instant or the delay stays when this is set from the host is not verified: read `delay` back,
-        or use `set_delay`, which sets both.
+        Whether the instant or the delay stays is not verified: read `delay` back, or use `set_delay`, which sets both.
         """
         self.configure(f"LINK {_settable(self.device, channel)},{reference:d}")
 

@@ -34,7 +34,6 @@ class Genesys(GenesysSession):
         super().__init__(link, address, checksum=checksum)
         self.rated_v = 600.0
         self.rated_a = 1.3
-        self.found_on: tuple[str, ...] = ()
 
     voltage_v: Control[str, float] = Control(
         "PV",

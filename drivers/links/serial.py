@@ -160,20 +160,13 @@ class SerialLink(TranscribedLink):
             if found is not None:
                 return found
 
-    def take_line(self, terminator: bytes, *, limit: int = 4096) -> bytes | None:
+    def take_line(self, terminator: bytes) -> bytes | None:
         """Take one line with its terminator if it has come, without waiting; None while it is under way.
 
-        Raises
-        ------
-        ProtocolError
-            When more than ``limit`` bytes came without a terminator.
-        LinkLost
-            When the port has vanished.
+        Raises as `read_until`.
         """
         came = self.take_leftover()
         line, found, rest = came.partition(terminator)
-        if not found and len(came) >= limit:
-            raise ProtocolError(self.device, f"{limit} bytes without an end of line; last {came[-16:]!r}")
         self._received += rest if found else came
         return line + found if found else None
 

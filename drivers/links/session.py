@@ -25,7 +25,14 @@ class SerialSession:
     ----------
     link : SerialLink
         The line to the instrument; owned by this object from now on.
+
+    Attributes
+    ----------
+    found_on : tuple of str
+        What was on when it was opened, before it was switched off.
     """
+
+    found_on: tuple[str, ...] = ()
 
     def __init__(self, link: SerialLink) -> None:
         self.link = link

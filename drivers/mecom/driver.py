@@ -40,8 +40,6 @@ class Tec(SerialSession):
         Number of the first telegram, 0 to 65535.
     """
 
-    found_on: tuple[str, ...] = ()
-
     def __init__(
         self, link: SerialLink, address: int = 1, *, instance: int = 1, watchdog_s: float = 0.0, first_sequence: int = 0
     ) -> None:

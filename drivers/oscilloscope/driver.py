@@ -52,8 +52,7 @@ class Oscilloscope:
     tmc : Usbtmc
         Messages to the instrument.
     gate : Sampler, optional
-        The device that has the gate in the trigger line, normally the sampling bridge; without one the laser cannot be
-        switched on through this device.
+        The device that has the gate in the trigger line, normally the sampling bridge; without one there is no light.
     channel : int
         Input channel of the signal.
     full_scale_v, offset_v : float
@@ -81,8 +80,8 @@ class Oscilloscope:
 
     @property
     def found_on(self) -> tuple[str, ...]:
-        """Get what of the device that has the gate was on when it was opened."""
-        return self.gate.found_on if self.gate is not None else ()
+        """Get whether the gate was on at opening."""
+        return self.gate.found_on if self.gate else ()
 
     @property
     def zero_code(self) -> float:
@@ -180,13 +179,7 @@ class Oscilloscope:
         return [self._record(sweep, run_id, number) for number in range(records)]
 
     def gate_on(self) -> None:
-        """Let triggers through to the laser, by the device that has the gate.
-
-        Raises
-        ------
-        DeviceFault
-            When there is none.
-        """
+        """Let triggers through to the laser, by the device that has the gate; `DeviceFault` when there is none."""
         if self.gate is None:
             raise DeviceFault(self._device, "has no gate in the trigger line", "name the sampling bridge as its gate")
         self.gate.gate_on()

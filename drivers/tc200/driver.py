@@ -35,8 +35,6 @@ class TC200(Tc200Session):
         The device has no criterion of stability: within this distance of its target it counts as stable.
     """
 
-    found_on: tuple[str, ...] = ()
-
     def __init__(self, link: SerialLink, *, stable_within_degc: float = 0.2) -> None:
         super().__init__(link)
         self.stable_within_degc = stable_within_degc
