@@ -26,9 +26,11 @@ SCAN = ["scan", "--grid", "8x8", "--seed", "4", "--speed", "60", "--json"]
 
 
 def content(path: Path) -> bytes:
-    """Get all that a scan is about as bytes: raw traces, points, covariance, flags."""
+    """Get all that a scan is about as bytes: raw traces or windows, points, covariance, flags."""
     with Recording.open(path) as recording:
-        traces = b"".join(line.sums.tobytes() for line in recording.lines() if line.sums is not None)
+        lines = list(recording.lines())
+        traces = b"".join(line.sums.tobytes() for line in lines if line.sums is not None)
+        traces += b"".join(line.windows.sums.tobytes() for line in lines if line.windows is not None)
         cloud = recording.cloud()
     names = ("points_mm", "covariance_mm2", "range_mm", "range_variance_mm2", "response_mv", "flags", "rows", "columns")
     return traces + b"".join(np.ascontiguousarray(getattr(cloud, name)).tobytes() for name in names)

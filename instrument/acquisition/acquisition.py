@@ -14,7 +14,8 @@ from picoradar.instrument.acquisition.capture import Capture, Devices, Revisit, 
 from picoradar.instrument.acquisition.line import to_scan_line
 from picoradar.instrument.acquisition.motion import MotionMonitor
 from picoradar.instrument.acquisition.plan import Plan
-from picoradar.instrument.controller import Between
+from picoradar.instrument.acquisition.resumption import Resumption
+from picoradar.instrument.controller import Between, RunUp
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import Flag, ScanLine
@@ -65,6 +66,9 @@ class Acquisition:
         pointing_sd_mm = setup.calibration.pointing_sd_rad * setup.settings.scan.distance_mm
         self._motion = MotionMonitor(plan.rows, revisit_s, line_s, pointing_sd_mm)
         self._before: _Row | None = None
+        self._row_before = -1
+        self._states: dict[int, JsonObject] = {-1: self.state_dict()}
+        self._resumption = Resumption(self._states, setup.settings.scanner.flyback_settle_ms * 1e-3, line_s)
 
     @property
     def mode(self) -> str:
@@ -131,6 +135,19 @@ class Acquisition:
             self._before = _Row.from_state(before)
         self.capture.load_state(state)
 
+    def resume_from(self, states: Mapping[int, JsonObject]) -> None:
+        """Take in the states that were recorded after the lines so far, by their numbers."""
+        self._states.update(states)
+
+    def run_up(self, row: int) -> RunUp:
+        """Go back to before ``row``, unless the row before has just been taken; returns what to take again first."""
+        if row == self._row_before + 1:
+            return RunUp()
+        found = self._resumption.before(row)
+        if found.state:
+            self.load_state(dict(found.state))
+        return found
+
     def take_line(self, row: int, galvo: Galvo, sampler: Sampler, between: Between) -> ScanLine:
         """Take one line with the laser on.
 
@@ -147,6 +164,7 @@ class Acquisition:
         DeviceError
         """
         self.plan.wait_for(row, between)
+        self._row_before = row
         line = self.plan.line(row)
         began_s = self._setup.clock.now()
         captured = self.capture.take(self.plan, line, self._revisit(), Devices(galvo, sampler, between))

@@ -66,10 +66,8 @@ def resume_scan(run: Session, path: Path) -> RecordedScan:
         raise BadInput(f"{path}: holds {kind} of a bench procedure, which cannot be resumed; run the procedure again")
     recording = Recording.resume(path)
     job = job_for(run, recording.missing)
-    done = recording.done
-    for event in recording.events():
-        if event.kind == STATE_EVENT and done and event.fields["line"] == done[-1]:
-            job.load_state(event.fields)
+    states = {event.fields["line"]: event.fields for event in recording.events() if event.kind == STATE_EVENT}
+    job.resume_from({line: states[line] for line in recording.done if line in states})
     return _scan_into(run, job, recording)
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from types import MappingProxyType
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -19,6 +20,15 @@ Sink = Callable[[ScanLine], None]
 Between = Callable[[], None]
 STATE_EVENT = "memory"
 """Kind of the event that carries `ScanJob.state_dict`; the name is part of the file format (docs/recording.md)."""
+SUPERVISION = "supervision"
+"""Key in it of how long ago which device was polled: the polls between two lines hold the mirrors."""
+
+
+class RunUp(NamedTuple):
+    """Rows to take again and drop before a row, and the recorded state before them; empty for nothing."""
+
+    rows: Sequence[int] = ()
+    state: Mapping[str, Any] = MappingProxyType({})
 
 
 class ScanJob(Protocol):
@@ -41,6 +51,9 @@ class ScanJob(Protocol):
 
     def state_dict(self) -> JsonObject:
         """Get what the next line needs to know of those before, as plain data; empty for nothing."""
+
+    def run_up(self, row: int) -> RunUp:
+        """Go back to before ``row``, unless the row before has just been taken; returns what to take again first."""
 
     def take_line(self, row: int, galvo: Galvo, sampler: Sampler, between: Between) -> ScanLine:
         """Take one line with the laser on; ``between`` is called before each point and may raise."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from picoradar.instrument.controller.context import RunContext, reach_working_point
 from picoradar.instrument.controller.disk import lines_left, refuse_small_disk
 from picoradar.instrument.controller.ending import Ending
-from picoradar.instrument.controller.job import STATE_EVENT, LineStore, ScanJob, ScanOutcome, Sink
+from picoradar.instrument.controller.job import STATE_EVENT, SUPERVISION, LineStore, ScanJob, ScanOutcome, Sink
 from picoradar.instrument.controller.recovery import LIMIT_S, LINK_ERRORS, apply_settings, reopen, waits
 from picoradar.instrument.controller.requests import EndScan
 from picoradar.instrument.controller.subscribers import Subscribers, Subscription
@@ -66,6 +66,7 @@ class ScanRun:
             if self._job.rows:
                 self._begin()
             for row in self._job.rows:
+                self._run_up(row)
                 self._keep(self._take(row))
         except EndScan as end:
             self.outcome.stop_reason = str(end)
@@ -116,9 +117,19 @@ class ScanRun:
                     raise cause from (None if cause is error else error)
                 self._suspend(cause)
 
+    def _run_up(self, row: int) -> None:
+        """Where a scan goes on in the middle, take the lines before it again, so that all is as it was; drop them."""
+        rows, state = self._job.run_up(row)
+        self._context.supervisor.load_state(state.get(SUPERVISION, {}))
+        if rows:
+            self._store.event(self._clock.now(), "run-up", before=row, lines=list(rows))
+        for again in rows:
+            self._take(again)
+
     def _keep(self, line: ScanLine) -> None:
         if state := self._job.state_dict():  # before the line: whoever finds the line finds what comes after it
-            self._store.event(self._clock.now(), STATE_EVENT, line=line.index, **state)
+            state = {"line": line.index, SUPERVISION: self._context.supervisor.state_dict(), **state}
+            self._store.event(self._clock.now(), STATE_EVENT, **state)
         self._store.append(line, acknowledged_at_s=self._clock.now())
         self.outcome.count(line)
         self._subscribers.take(line)

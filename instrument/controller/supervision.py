@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from picoradar.drivers.clock import Timer
 from picoradar.drivers.errors import DeviceError
@@ -40,11 +40,35 @@ class Supervisor:
         self._diode_seen_s = -float("inf")
         self._all_seen_s = -float("inf")
         self._first_reference_mv: float | None = None
+        self._resumed: dict[str, float | None] = {}
 
     def begin(self) -> None:
         """Forget what an earlier run has left."""
         self.monitor.clear()
         self._first_reference_mv = None
+
+    def state_dict(self) -> dict[str, float | None]:
+        """Get how long ago (s) which readings were taken, and the first reference (mV), to go on with later."""
+        now_s = self._bench.clock.now()
+        return {
+            "all_age_s": now_s - self._all_seen_s,
+            "diode_age_s": now_s - self._diode_seen_s,
+            "first_reference_mv": self._first_reference_mv,
+        }
+
+    def load_state(self, state: Mapping[str, float | None]) -> None:
+        """Go on from a `state_dict`: from the next line on, polls are due when they would have been."""
+        if state:
+            self._resumed = dict(state)
+
+    def _go_on(self) -> None:
+        if not self._resumed:
+            return
+        now_s, state = self._bench.clock.now(), self._resumed
+        self._all_seen_s = now_s - (state["all_age_s"] or 0.0)
+        self._diode_seen_s = now_s - (state["diode_age_s"] or 0.0)
+        self._first_reference_mv = state["first_reference_mv"]
+        self._resumed = {}
 
     def start_beating(self) -> None:
         """Send the first heartbeat now and one each quarter of the watchdog's time from then on."""
@@ -99,6 +123,7 @@ class Supervisor:
         ------
         InterlockTripped, DeviceError
         """
+        self._go_on()
         if self._bench.clock.now() - self._all_seen_s >= POLL_ALL_S:
             self.poll_all(emitting=True, disk_lines=disk_lines)
         else:

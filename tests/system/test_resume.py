@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.faults import resumes
 from picoradar.instrument.cli.main import run
 from picoradar.instrument.recording import Recording, RecordingError
 
@@ -130,3 +131,20 @@ def test_a_scan_in_windows_goes_on_to_the_same_bytes(tmp_path: Path, capsys: pyt
             clouds.append(recording.cloud())
     for name in ("points_mm", "covariance_mm2", "range_mm", "response_mv", "flags"):
         assert np.array_equal(getattr(clouds[0], name), getattr(clouds[1], name), equal_nan=True), name
+
+
+@pytest.mark.parametrize("lines", [1, 2])
+def test_a_scan_in_windows_killed_after_a_line_goes_on_to_the_same_bytes(lines: int, tmp_path: Path) -> None:
+    """The mirrors still creep from the line before, and polls fall due by time: both must come out as without the kill."""
+    scan = ["scan", "--grid", "8x12", "--mode", "window", "--seed", "77", "-o"]
+    uninterrupted, killed = tmp_path / "whole.db", tmp_path / "killed.db"
+    assert resumes.in_a_process(lambda: resumes.quiet([*scan, str(uninterrupted)])) == 0
+    assert resumes.in_a_process(lambda: resumes.scan_until(lines, [*scan, str(killed)])) == -signal.SIGKILL
+    assert resumes.in_a_process(lambda: resumes.quiet(["resume", str(killed)])) == 0
+    assert resumes.content(killed) == resumes.content(uninterrupted)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("grid", "mode", "seed"), [("20x20", "window", 5), ("6x40", "sweep", 8)])
+def test_killed_after_every_line_a_scan_goes_on_to_the_same_bytes(grid: str, mode: str, seed: int) -> None:
+    assert all(resumes.campaign(grid, mode, seed))

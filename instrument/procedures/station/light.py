@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from picoradar.drivers.clock import Clock
 from picoradar.drivers.interfaces import Galvo, Record, Sampler, SweepSettings
-from picoradar.instrument.controller import Between
+from picoradar.instrument.controller import Between, RunUp
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import ScanLine
 
@@ -75,6 +75,10 @@ class LightJob:
     def state_dict(self) -> JsonObject:
         """Get what the next line needs to know: nothing."""
         return {}
+
+    def run_up(self, row: int) -> RunUp:  # noqa: ARG002 - the job of another
+        """Get what to take again before the line: nothing."""
+        return RunUp()
 
     def configure(self, sampler: Sampler) -> None:
         """Tell the sampler, which keeps the gate, how records would be taken."""

@@ -14,6 +14,7 @@ import pytest
 from picoradar.drivers.clock import VirtualClock
 from picoradar.drivers.interfaces import Identity, PulserStatus, SamplerStatus, TemperatureStatus
 from picoradar.instrument.bench import Bench
+from picoradar.instrument.controller import RunUp
 from picoradar.instrument.controller.context import RunContext
 from picoradar.instrument.controller.exposure import exposure_of
 from picoradar.instrument.controller.interlocks import interlocks
@@ -125,6 +126,9 @@ class Script:
 
     def state_dict(self) -> dict[str, Any]:
         return self.memory
+
+    def run_up(self, _row: int) -> RunUp:
+        return RunUp()
 
     def take_line(self, row: int, galvo: Any, sampler: Any, between: Act) -> ScanLine:
         assert (galvo, sampler) == (self.bench.galvo, self.bench.sampler)

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from picoradar.drivers.errors import DeviceFault, LinkLost
-from picoradar.instrument.controller import disk
+from picoradar.instrument.controller import RunUp, disk
 from picoradar.instrument.errors import InterlockTripped
 
 ALL = ["sampler.status", "pulser.status", "diode.status", "galvo.ready"]
@@ -81,7 +81,27 @@ def test_memory_is_stored_before_the_line_that_it_belongs_to(script: Any) -> Non
     told = [what for what in script.asked() if what in ("append", "event memory")]
     assert told == ["event memory", "append"] * 3
     events = [fields for _, kind, _, fields in script.told("event") if kind == "memory"]
+    supervision = [fields.pop("supervision") for fields in events]
     assert events == [{"line": k, "reference": 7400.0} for k in range(3)]
+    assert [one["first_reference_mv"] for one in supervision] == [45.0] * 3
+    times = script.times("event memory")
+    assert times[1] - times[0] == pytest.approx(supervision[1]["all_age_s"] - supervision[0]["all_age_s"])
+
+
+def test_where_a_scan_goes_on_the_lines_before_are_taken_again_and_dropped_and_polls_are_due_as_before(
+    script: Any,
+) -> None:
+    ages = {"all_age_s": 4.2, "diode_age_s": 0.5, "first_reference_mv": 44.0}
+    script.rows = [2]
+    script.run_up = lambda row: RunUp((0, 1), {"supervision": ages}) if row == 2 else RunUp()
+    script.run().run()
+    assert [what for what in script.asked() if what.startswith("line")] == ["line 0", "line 1", "line 2"]
+    assert [index for index, _ in script.told("line")] == [2]
+    # Two lines of 0.5 s each: the poll of all devices, due 5 s after the last, comes before the third, not the second.
+    first, second, third = (script.times(f"line {k}")[0] for k in range(3))
+    polls = [time for time in script.times("pulser.status") if time > first]
+    assert len(polls) == 1
+    assert second <= polls[0] < third
 
 
 def test_a_viewer_that_fails_is_left_out_and_the_others_go_on(script: Any) -> None:

@@ -1,0 +1,42 @@
+"""`Resumption`: what a scan that goes on in the middle needs, so that its lines come out as if it had never stopped."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from picoradar.instrument.controller import RunUp
+from picoradar.instrument.events import JsonObject
+
+FORGOTTEN_AFTER = 4.0  # settling times of a fly-back: what was left of a motion after one is then below the last bit
+
+
+class Resumption:
+    """Knows the recorded states after the lines of a scan, and which lines to take again before one that is missing.
+
+    At the first points of a line the mirrors still creep from the line before, by hundredths of a millimetre in mode
+    window. A line is the same after a stop only if the mirrors have come to it in the same way; so the lines before it
+    are taken again, with what was known then, and dropped.
+
+    Parameters
+    ----------
+    states : mapping of int to dict
+        The state recorded after each line (`Acquisition.state_dict`), by its number; -1 is the state before the first.
+    settled_s : float
+        Time after which a fly-back counts as settled.
+    line_s : float
+        Least time of one line.
+    """
+
+    def __init__(self, states: Mapping[int, JsonObject], settled_s: float, line_s: float) -> None:
+        self._states = states
+        self._lines = max(1, math.ceil(FORGOTTEN_AFTER * settled_s / line_s))
+
+    def before(self, row: int) -> RunUp:
+        """Return the lines to take again before ``row``, and the state before them; none where that is not known."""
+        first = max(0, row - self._lines)
+        if row == 0:
+            return RunUp((), self._states[-1])
+        if first - 1 in self._states:
+            return RunUp(range(first, row), self._states[first - 1])
+        return RunUp((), self._states.get(row - 1, {}))
