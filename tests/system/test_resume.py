@@ -135,7 +135,7 @@ def test_a_scan_in_windows_goes_on_to_the_same_bytes(tmp_path: Path, capsys: pyt
 
 @pytest.mark.parametrize("lines", [1, 2])
 def test_a_scan_in_windows_killed_after_a_line_goes_on_to_the_same_bytes(lines: int, tmp_path: Path) -> None:
-    """The mirrors still creep from the line before, and polls fall due by time: both must come out as without the kill."""
+    """The mirrors still creep from the line before, and polls fall due by time: both must come out as without it."""
     scan = ["scan", "--grid", "8x12", "--mode", "window", "--seed", "77", "-o"]
     uninterrupted, killed = tmp_path / "whole.db", tmp_path / "killed.db"
     assert resumes.in_a_process(lambda: resumes.quiet([*scan, str(uninterrupted)])) == 0
