@@ -1,5 +1,6 @@
 """Links to the devices: serial ports by URL, USB and USBTMC; sessions, transcripts, retries, remedies."""
 
+from picoradar.drivers.links.addresses import checked_address
 from picoradar.drivers.links.controls import Control, Reading
 from picoradar.drivers.links.numerals import read_number
 from picoradar.drivers.links.serial import SerialLink
@@ -38,6 +39,7 @@ __all__ = [
     "UsbIdentity",
     "UsbLink",
     "Usbtmc",
+    "checked_address",
     "read_number",
     "read_transcript",
 ]

@@ -1,8 +1,8 @@
 """A serial line as the drivers see it: bytes, time limits and one family of errors.
 
-Ports are opened by URL (``serial.serial_for_url``): a port name, ``socket://host:port``, or ``sim://``
-for a simulated device in the same process. No exception of pyserial, termios or the operating system leaves this
-class: they become `LinkLost`, `Timeout` or `ProtocolError`.
+Ports are opened by URL (``serial.serial_for_url``): a port name, ``socket://host:port``, ``rfc2217://host:port``, or
+``sim://`` for a simulated device in the same process; all others are refused (`addresses`). No exception of pyserial,
+termios or the operating system leaves this class: they become `LinkLost`, `Timeout` or `ProtocolError`.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import serial
 
 from picoradar.drivers.clock import Clock
 from picoradar.drivers.errors import LinkLost, ProtocolError, Timeout
+from picoradar.drivers.links.addresses import check_port_file, checked_address
 from picoradar.drivers.links.port_trouble import port_errors, remedy_for
 from picoradar.drivers.links.transcript import TranscribedLink
 
@@ -64,11 +65,13 @@ class SerialLink(TranscribedLink):
         Raises
         ------
         LinkLost
-            When the port is not there, is in use, or may not be opened.
+            When the port is not there, is in use, or may not be opened; when the address is of a kind that is not
+            opened at all.
         """
         if self.is_open:
             return
         try:
+            check_port_file(checked_address(self.url))
             port = serial.serial_for_url(
                 self.url,
                 baudrate=self.baud,
@@ -77,7 +80,7 @@ class SerialLink(TranscribedLink):
                 exclusive=True,
             )
         except ValueError as error:
-            raise LinkLost(self.device, f"{self.url!r} is no port or URL: {error}", "check the settings") from error
+            raise LinkLost(self.device, str(error), "check the settings") from error
         except _PORT_ERRORS as error:
             raise LinkLost(self.device, f"cannot open the port: {error}", remedy_for(self.url, error)) from error
         self._port = port

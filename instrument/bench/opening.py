@@ -21,10 +21,7 @@ from picoradar.drivers.pulser import Pulser
 from picoradar.drivers.tc200 import TC200
 from picoradar.instrument.bench.bench import Bench
 from picoradar.instrument.errors import BadInput
-from picoradar.instrument.settings import Links
-
-BACKENDS = ("picoradar.sim.usb.forward:backend",)
-"""USB backends that a settings file may name, so that it cannot run code of its own choice; empty stands for libusb."""
+from picoradar.instrument.settings import USB_BACKENDS, Links
 
 
 class DeviceMaker:
@@ -147,22 +144,22 @@ def named_backend(name: str, address: str) -> object | None:
     Parameters
     ----------
     name : str
-        ``module:function``, one of `BACKENDS`; empty for libusb.
+        ``module:function``, one of `USB_BACKENDS`; empty for libusb.
     address : str
         ``host:port``, the argument of that function.
 
     Raises
     ------
     BadInput
-        When the name is none of `BACKENDS`, or the address is not host:port.
+        When the name is none of `USB_BACKENDS`, or the address is not host:port.
     LinkLost
         When nothing answers at the address.
     """
     if not name:
         return None
-    if name not in BACKENDS:
+    if name not in USB_BACKENDS:
         raise BadInput(
-            f"settings: links.usb_backend {name!r}: not a backend of picoradar; give {' or '.join(BACKENDS)}, "
+            f"settings: links.usb_backend {name!r}: not a backend of picoradar; give {' or '.join(USB_BACKENDS)}, "
             "or leave it empty for libusb"
         )
     module, _, function = name.partition(":")

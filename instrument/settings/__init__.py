@@ -9,13 +9,21 @@ from picoradar.instrument.settings.limits import (
     max_drive_v,
 )
 from picoradar.instrument.settings.reading import describe_errors, load_settings, override, settings_from
-from picoradar.instrument.settings.tables import DiodeSettings, Links, PulserSettings, ScannerSettings, Settings
+from picoradar.instrument.settings.tables import (
+    USB_BACKENDS,
+    DiodeSettings,
+    Links,
+    PulserSettings,
+    ScannerSettings,
+    Settings,
+)
 from picoradar.instrument.settings.writing import to_toml
 
 __all__ = [
     "MAX_DISTANCE",
     "MIN_DISTANCE",
     "TRANSMITTER_HEAT",
+    "USB_BACKENDS",
     "WATCHDOG",
     "DiodeSettings",
     "Limit",

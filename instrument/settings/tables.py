@@ -6,12 +6,17 @@ here, because the simulator checks it.
 
 from __future__ import annotations
 
+import re
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from picoradar.drivers.interfaces import DRIVE_V, PRF_HZ
+from picoradar.drivers.links import checked_address
 from picoradar.instrument.settings.limits import MAX_DISTANCE, MIN_DISTANCE, max_drive_v
+
+USB_BACKENDS = ("picoradar.sim.usb.forward:backend",)
+"""USB backends that settings may name, so that a file cannot run code of its choice; empty stands for libusb."""
 
 RENAMED_BACKENDS = {"sim.usb.forward:backend": "picoradar.sim.usb.forward:backend"}
 """Old and new names of the USB backends in settings and recordings of version 0.1."""
@@ -52,6 +57,27 @@ class Links(Section):
     @classmethod
     def _renamed(cls, name: object) -> object:
         return RENAMED_BACKENDS.get(name, name) if isinstance(name, str) else name
+
+    @field_validator("usb_backend")
+    @classmethod
+    def _known_backend(cls, name: str) -> str:
+        if name and name not in USB_BACKENDS:
+            raise ValueError(
+                f"not a backend of picoradar; give {' or '.join(USB_BACKENDS)}, or leave it empty for libusb"
+            )
+        return name
+
+    @field_validator("usb_address")
+    @classmethod
+    def _host_and_port(cls, address: str) -> str:
+        if address and not re.fullmatch(r"[\w.:\[\]-]+:[0-9]{1,5}", address):
+            raise ValueError("not host:port; give what `picoradar sim` has printed")
+        return address
+
+    @field_validator("dg645", "genesys", "tec", "tc200")
+    @classmethod
+    def _allowed_port(cls, address: str) -> str:
+        return checked_address(address) if address else address
 
     @model_validator(mode="after")
     def _real_devices_run_at_1(self) -> Links:
@@ -171,7 +197,7 @@ class Settings(Section):
     bench: Literal["simulated", "devices"] = Field(
         "simulated", description="simulated: everything in this process; devices: over [links]"
     )
-    seed: int = Field(1, ge=0, description="root seed of the simulated bench")
+    seed: int = Field(1, ge=0, lt=2**63, description="root seed of the simulated bench")
     calibration: str = Field("", description="calibration file; empty: the one that comes with the simulated bench")
     links: Links = Links()
     pulser: PulserSettings = PulserSettings()

@@ -19,7 +19,7 @@ def write(folder: Path, text: str) -> Path:
 
 
 def test_the_commented_file_reads_back_to_the_same_settings(tmp_path: Path) -> None:
-    settings = override(Settings(), {"scan": {"rows": 12, "averages": 3}, "links": {"dg645": 'a "quoted\\ name"'}})
+    settings = override(Settings(), {"scan": {"rows": 12, "averages": 3}, "": {"calibration": 'a "quoted\\ name"'}})
     text = to_toml(settings)
     assert load_settings(write(tmp_path, text)) == settings
     assert "# pulse repetition frequency, Hz" in text
@@ -38,6 +38,12 @@ def test_the_commented_file_reads_back_to_the_same_settings(tmp_path: Path) -> N
         ("[scan\nrows = 1\n", ["not valid TOML"]),
         ('[scan]\nmode = "fly"\n', ["scan.mode", "'fly'", "'sweep'"]),
         ("seed = -1\n", ["seed", "-1"]),
+        ('[links]\ndg645 = "spy:///dev/null?file=thesis.tex"\n', ["line 2", "links.dg645", "spy:// is not opened"]),
+        ('[links]\ngenesys = "loop://"\n', ["links.genesys", "loop:// is not opened"]),
+        ('[links]\ntec = "alt://COM1?class=X"\n', ["links.tec", "alt:// is not opened"]),
+        ('[links]\ntc200 = "hwgrep://.*"\n', ["links.tc200", "hwgrep:// is not opened"]),
+        ('[links]\nusb_backend = "usb.libloader:load_library"\n', ["links.usb_backend", "not a backend"]),
+        ('[links]\nusb_address = "/tmp/evil.so"\n', ["links.usb_address", "not host:port"]),
     ],
 )
 def test_bad_settings_are_refused_with_file_place_value_and_range(

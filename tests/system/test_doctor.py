@@ -62,8 +62,9 @@ def test_a_port_that_the_settings_do_not_name(bench: SimulatedBench) -> None:
 def test_a_port_that_this_account_may_not_open(
     bench: SimulatedBench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    ends = os.openpty()
     port = tmp_path / "ttyUSB0"
-    port.touch()
+    port.symlink_to(os.ttyname(ends[1]))
     real = serial.serial_for_url
 
     def refuse(url: str, **settings: object) -> serial.SerialBase:
@@ -74,6 +75,8 @@ def test_a_port_that_this_account_may_not_open(
     monkeypatch.setattr(serial, "serial_for_url", refuse)
     problem = wrong(findings(bench, genesys=str(port)))["genesys"]
     assert f"not in its group {port.group()!r}" in problem
+    for end in ends:
+        os.close(end)
     assert "usermod" in problem
 
 
@@ -176,7 +179,10 @@ def test_exit_status_3_and_the_reason_when_something_is_wrong(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     settings = tmp_path / "bench.toml"
-    settings.write_text('bench = "devices"\n[links]\ndg645 = "/dev/not-there"\nusb_backend = "no.such:thing"\n')
+    settings.write_text(
+        'bench = "devices"\n[links]\ndg645 = "/dev/not-there"\n'
+        'usb_backend = "picoradar.sim.usb.forward:backend"\nusb_address = "127.0.0.1:9"\n'
+    )
     assert run(["doctor", "--settings", str(settings), "--json"]) == 3
     told = json.loads(capsys.readouterr().out)
     assert told["ok"] is False

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -148,3 +151,58 @@ def test_a_scan_in_windows_killed_after_a_line_goes_on_to_the_same_bytes(lines: 
 @pytest.mark.parametrize(("grid", "mode", "seed"), [("20x20", "window", 5), ("6x40", "sweep", 8)])
 def test_killed_after_every_line_a_scan_goes_on_to_the_same_bytes(grid: str, mode: str, seed: int) -> None:
     assert all(resumes.campaign(grid, mode, seed))
+
+
+@pytest.fixture
+def of_devices(tmp_path: Path) -> Path:
+    """A recording whose header names real devices that are not there."""
+    path = tmp_path / "devices.db"
+    fault = tmp_path / "emergency.json"
+    fault.write_text(json.dumps({"fault": [{"kind": "interlock_opened", "at": {"pulse": 50_000}}]}), encoding="utf-8")
+    assert run([*SCAN, "-o", str(path), "--faults", str(fault)]) == 4
+    with sqlite3.connect(path) as database:
+        (text,) = database.execute("SELECT header FROM scan").fetchone()
+        header = json.loads(text)
+        header["settings"]["bench"] = "devices"
+        header["settings"]["links"] |= {"dg645": "/dev/tty-a", "genesys": "/dev/tty-b", "tec": "/dev/tty-c"}
+        text = json.dumps(header)
+        database.execute("UPDATE scan SET header=?, header_crc32=?", (text, zlib.crc32(text.encode())))
+    database.close()
+    return path
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def shown(err: str) -> list[str]:
+    return [word for word in ("/dev/tty-a", "/dev/tty-b", "/dev/tty-c", "290 V at 80000 Hz", "0.3 mW") if word in err]
+
+
+def test_real_devices_are_shown_and_asked_for(
+    of_devices: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = of_devices.read_bytes()
+    for answer, code in (("n\n", 130), ("\n", 130), ("", 130), ("yes\n", 3)):  # 3: agreed, and the port is not there
+        monkeypatch.setattr(sys, "stdin", Terminal(answer))
+        capsys.readouterr()
+        assert run(["resume", str(of_devices), "--json"]) == code, answer
+        told = capsys.readouterr()
+        assert len(shown(told.err)) == 5
+        assert json.loads(told.out)["exit_status"] == code
+    assert of_devices.read_bytes() == before
+
+
+def test_without_a_terminal_the_answer_must_be_on_the_command_line(
+    of_devices: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO("yes\n"))
+    assert run(["resume", str(of_devices)]) == 2
+    told = capsys.readouterr().err
+    assert len(shown(told)) == 5
+    assert "--yes" in told
+    assert run(["resume", str(of_devices), "--yes"]) == 3
+    told = capsys.readouterr().err
+    assert len(shown(told)) == 5
+    assert "--yes" not in told
