@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import struct
+import tokenize
+import zipfile
+import zlib
+
 
 class RegistrationError(ValueError):
     """Base of every refusal: the input cannot be registered as it stands."""
@@ -21,3 +26,21 @@ class StartError(RegistrationError):
 
 class DegenerateError(RegistrationError):
     """The geometry leaves a motion free, so that no unique pose exists."""
+
+
+DECODER_ERRORS: tuple[type[Exception], ...] = (
+    ValueError,  # also XML, JSON, base64, UTF-8
+    TypeError,
+    AttributeError,  # as TypeError: a list where a table should be
+    LookupError,
+    ArithmeticError,
+    EOFError,
+    MemoryError,
+    RuntimeError,  # also RecursionError, and what zipfile does not implement
+    SyntaxError,  # also ParseError of XML, and headers of NumPy arrays
+    struct.error,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""What decoders (XML, zlib, zipfile, NumPy) raise on damaged or hostile content; every reader here catches these."""

@@ -29,8 +29,12 @@ from types import TracebackType
 from typing import Self, TypedDict, cast
 
 from picoradar.drivers.clock import Clock
+from picoradar.drivers.errors import DECODER_ERRORS, decoder_words, parse_json, read_text
 
 HEAD = {"transcript": "picoradar", "version": 1}
+
+LARGEST_TRANSCRIPT_BYTES = 1_000_000_000
+"""Longest transcript that is read, bytes; a scan of 40 x 40 points in sweeps writes about 100 MB."""
 
 
 InterfaceDetails = TypedDict(
@@ -152,8 +156,10 @@ def read_transcript(path: Path) -> list[Event]:
         When it is none, or a line of it is damaged: with file, line and what is wrong. A last line without its end
         (the program was killed) is left out.
     """
-    with path.open(encoding="utf-8") as file:
-        lines = file.read().splitlines(keepends=True)
+    try:
+        lines = read_text(path, LARGEST_TRANSCRIPT_BYTES).splitlines(keepends=True)
+    except ValueError as error:
+        raise ValueError(f"{path}: no transcript of picoradar: {error}") from error
     if not lines or _parsed(path, 1, lines[0]) != HEAD:
         raise ValueError(f"{path}: no transcript of picoradar (version 1)")
     return list(_events(path, lines[1:]))
@@ -167,14 +173,14 @@ def _events(path: Path, lines: list[str]) -> Iterator[Event]:
         try:
             time_s, link, what = float(str(table.pop("time_s"))), str(table.pop("link")), str(table.pop("what"))
             yield Event(time_s, link, what, bytes.fromhex(str(table.pop("data", ""))), cast(EventDetails, table))
-        except (KeyError, TypeError, ValueError) as error:
-            raise ValueError(f"{path}, line {number}: no event of a transcript: {error!r}") from error
+        except DECODER_ERRORS as error:
+            raise ValueError(f"{path}, line {number}: no event of a transcript: {decoder_words(error)}") from error
 
 
 def _parsed(path: Path, number: int, line: str) -> dict[str, object]:
     try:
-        table = json.loads(line)
-    except json.JSONDecodeError as error:
+        table = parse_json(line)
+    except ValueError as error:
         raise ValueError(f"{path}, line {number}: not JSON: {error}") from error
     if not isinstance(table, dict):
         raise ValueError(f"{path}, line {number}: not a JSON object")

@@ -10,6 +10,7 @@ from typing import Literal, get_args
 
 from pydantic import Field, ValidationError, field_validator
 
+from picoradar.drivers.errors import parse_json, read_text
 from picoradar.instrument.calibration.parts import (
     GeometryUncertainty,
     Part,
@@ -23,6 +24,7 @@ from picoradar.instrument.errors import BadInput
 Method = Literal["half-maximum", "template"]
 METHODS: tuple[Method, ...] = get_args(Method)
 FORMAT: Literal[1] = 1
+_MAKE_AGAIN = "make it again with a bench procedure"
 
 
 class Calibration(Part):
@@ -79,8 +81,8 @@ class Calibration(Part):
             With the file, the key, what was found and what is allowed.
         """
         try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
+            text = read_text(path)
+        except (OSError, ValueError) as error:
             raise BadInput(
                 f"{path}: cannot read the calibration: {error}; give a file that a bench procedure made"
             ) from error
@@ -102,12 +104,14 @@ class Calibration(Part):
             With the source, the key, what was found and what is allowed.
         """
         try:
+            parse_json(text)
+        except ValueError as error:
+            raise BadInput(f"{source}: not a valid calibration: {error}; {_MAKE_AGAIN}") from error
+        try:
             return cls.model_validate_json(text)
         except ValidationError as error:
             found = "; ".join(
                 f"{'.'.join(map(str, e['loc'])) or 'calibration'}: {e['msg'].removeprefix('Value error, ')}"
                 for e in error.errors(include_url=False)
             )
-            raise BadInput(
-                f"{source}: not a valid calibration: {found}; make it again with a bench procedure"
-            ) from error
+            raise BadInput(f"{source}: not a valid calibration: {found}; {_MAKE_AGAIN}") from error

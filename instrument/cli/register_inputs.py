@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json as jsonlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from picoradar.drivers.errors import parse_json, read_text
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.events import JsonObject
 
@@ -100,8 +100,8 @@ def read_start(start: str, landmarks: Path | None) -> Any:
 
 def _read_json(path: Path, option: str) -> Any:
     try:
-        return jsonlib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
+        return parse_json(read_text(path))
+    except OSError as error:
         raise BadInput(f"{option} {path}: cannot be read: {error}") from error
-    except jsonlib.JSONDecodeError as error:
+    except ValueError as error:
         raise BadInput(f"{option} {path}: not valid JSON: {error}") from error

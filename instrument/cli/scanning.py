@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from picoradar.drivers.errors import DECODER_ERRORS, decoder_words
 from picoradar.drivers.traces import CodeScale
 from picoradar.instrument.acquisition import Acquisition, Setup, can_window, raster_scan
 from picoradar.instrument.cli import output
@@ -17,7 +18,7 @@ from picoradar.instrument.controller import STATE_EVENT, ScanOutcome, Sink, Subs
 from picoradar.instrument.errors import BadInput, Interrupted
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import Flag, ScanLine
-from picoradar.instrument.recording import Cloud, Recording, cloud_of
+from picoradar.instrument.recording import Cloud, Recording, RecordingError, cloud_of
 
 
 class RecordedScan(NamedTuple):
@@ -66,9 +67,21 @@ def resume_scan(run: Session, path: Path) -> RecordedScan:
         raise BadInput(f"{path}: holds {kind} of a bench procedure, which cannot be resumed; run the procedure again")
     recording = Recording.resume(path)
     job = job_for(run, recording.missing)
-    states = {event.fields["line"]: event.fields for event in recording.events() if event.kind == STATE_EVENT}
-    job.resume_from({line: states[line] for line in recording.done if line in states})
+    _remember(job, recording)
     return _scan_into(run, job, recording)
+
+
+def _remember(job: Acquisition, recording: Recording) -> None:
+    """Hand over what was known after each line, and try now, before there is light, that it can be used."""
+    states = {event.fields.get("line"): event.fields for event in recording.events() if event.kind == STATE_EVENT}
+    try:
+        job.resume_from({line: states[line] for line in recording.done if line in states})
+        for row in recording.missing:
+            job.run_up(row)
+    except DECODER_ERRORS as error:
+        recording.close()
+        what = f"what a line knew of those before is damaged ({decoder_words(error)})"
+        raise RecordingError(recording.path, what, "make a new scan") from error
 
 
 def job_for(run: Session, rows: Sequence[int] | None = None) -> Acquisition:

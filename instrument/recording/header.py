@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from picoradar.drivers.traces import CodeScale
 from picoradar.instrument.events import JsonObject
+from picoradar.instrument.recording.limits import MOST_COLUMNS, MOST_ROWS, MOST_SAMPLES
 
 _TRACE = ("start_ps", "step_ps", "samples", "zero_code", "mv_per_code")
 
@@ -114,16 +115,52 @@ def complete_header(header: JsonObject) -> JsonObject:
     ValueError
         Naming the key that is missing or wrong.
     """
-    raster = header.get("raster")
-    if not isinstance(raster, Mapping):
-        raise ValueError("the header has no `raster` (rows, columns, step_mm, mode, averages)")
-    for name in ("rows", "columns"):
-        count = raster.get(name)
-        if not isinstance(count, int) or isinstance(count, bool) or count < 1:
-            raise ValueError(f"raster.{name} of the header is {count!r}, not a whole number from 1 up")
-    trace = header.get("trace")
-    if trace is not None and not (isinstance(trace, Mapping) and set(_TRACE) <= set(trace)):
-        raise ValueError(f"the header's `trace` needs {', '.join(_TRACE)}")
     full: JsonObject = plain({"versions": versions(), "calibration": None, **header})
     full.setdefault("calibration_digest", digest(full["calibration"]))
-    return full
+    return checked_header(full)
+
+
+def checked_header(header: JsonObject) -> JsonObject:
+    """Return a header if it is one: the same for those that are written and those that are read.
+
+    Raises
+    ------
+    ValueError
+        Naming the key that is missing or wrong.
+    """
+    raster = header.get("raster")
+    if not isinstance(raster, dict):
+        raise ValueError("the header has no `raster` (rows, columns, step_mm, mode, averages)")
+    for name, most in (("rows", MOST_ROWS), ("columns", MOST_COLUMNS)):
+        if not _is_count(count := raster.get(name), most):
+            raise ValueError(f"raster.{name} of the header is {count!r}, not a whole number from 1 up to {most}")
+    for name in ("step_mm", "distance_mm", "interval_s", "averages"):
+        if not _is_number(raster.get(name, 0)):
+            raise ValueError(f"raster.{name} of the header is {raster[name]!r}, not a number")
+    for name in ("plan", "mode", "estimator"):
+        if not isinstance(raster.get(name, ""), str):
+            raise ValueError(f"raster.{name} of the header is {raster[name]!r}, not a word")
+    for name in ("settings", "calibration", "scanner", "versions", "trace"):
+        if not isinstance(header.get(name), dict | None):
+            raise ValueError(f"the header's `{name}` is no JSON object")
+    if header.get("trace") is not None:
+        _check_trace(header["trace"])
+    return header
+
+
+def _check_trace(trace: JsonObject) -> None:
+    if not set(_TRACE) <= set(trace):
+        raise ValueError(f"the header's `trace` needs {', '.join(_TRACE)}")
+    if not _is_count(count := trace["samples"], MOST_SAMPLES):
+        raise ValueError(f"trace.samples of the header is {count!r}, not a whole number from 1 up to {MOST_SAMPLES}")
+    for name in set(_TRACE) - {"samples"}:
+        if not _is_number(trace[name]):
+            raise ValueError(f"trace.{name} of the header is {trace[name]!r}, not a number")
+
+
+def _is_count(value: object, most: int) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= most
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -15,6 +15,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from picoradar.instrument.line import ScanLine
+from picoradar.instrument.recording.limits import LARGEST_LINE_BYTES
 
 POINT = np.dtype(
     [
@@ -134,7 +135,15 @@ def unpacked_sums(data: bytes, rows: int, samples: int, width: int) -> NDArray[n
 
 
 def compressed(plain: bytes) -> bytes:
-    """Compress bytes with Zstandard."""
+    """Compress bytes with Zstandard.
+
+    Raises
+    ------
+    ValueError
+        If they are more than `decompressed` would unpack.
+    """
+    if len(plain) > LARGEST_LINE_BYTES:
+        raise ValueError(f"the samples of the line have {len(plain)} bytes; at most {LARGEST_LINE_BYTES} are kept")
     return _compressor().compress(plain)
 
 
@@ -146,8 +155,13 @@ def decompressed(data: bytes, size: int) -> bytes:
     ValueError
         If it is another number of bytes, or not Zstandard.
     """
+    if not 0 <= size <= LARGEST_LINE_BYTES:
+        raise ValueError(f"the samples claim {size} bytes; at most {LARGEST_LINE_BYTES} are unpacked")
     try:
-        plain = zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+        stated = zstandard.frame_content_size(data)  # -1: not stated; `max_output_size` only holds for such frames
+        if stated not in (-1, size):
+            raise ValueError(f"the samples have {stated} bytes instead of {size}")
+        plain = zstandard.ZstdDecompressor().decompress(data, max_output_size=max(size, 1)) if size else b""
     except zstandard.ZstdError as error:
         raise ValueError(f"the samples cannot be decompressed ({error})") from error
     if len(plain) != size:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sqlite3
 import threading
 import zlib
@@ -14,13 +13,15 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from picoradar.drivers.errors import DECODER_ERRORS, decoder_words
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import ScanLine
 from picoradar.instrument.recording import rows
 from picoradar.instrument.recording.cloud import Cloud, cloud_of
+from picoradar.instrument.recording.content import FROM_A_COPY, event_of, json_object, refuse_foreign_content
 from picoradar.instrument.recording.errors import RecordingError, from_sqlite
 from picoradar.instrument.recording.findings import Event, LineCheck
-from picoradar.instrument.recording.header import TraceForm
+from picoradar.instrument.recording.header import TraceForm, checked_header
 
 
 class Reader:
@@ -39,10 +40,11 @@ class Reader:
         self._connection = connection
         self._lock = threading.RLock()
         try:
+            refuse_foreign_content(path, connection)
             self.header = self._read_header()
-            self._raw = rows.SELECT_RAW[self._value("PRAGMA user_version")]
+            self._raw = rows.SELECT_RAW[self._layout()]
             trace = self.header.get("trace")
-            self._form = TraceForm.of(trace) if isinstance(trace, dict) else None
+            self._form = None if trace is None else TraceForm.of(trace)
         except RecordingError:
             connection.close()
             raise
@@ -100,7 +102,7 @@ class Reader:
     @property
     def done(self) -> list[int]:
         """Get the lines that are there, in ascending order."""
-        return [int(row[0]) for row in self._rows("SELECT k FROM line ORDER BY k")]
+        return [int(row[0]) for row in self._rows("SELECT k FROM line WHERE typeof(k)='integer' ORDER BY k")]
 
     @property
     def missing(self) -> list[int]:
@@ -110,7 +112,9 @@ class Reader:
     @property
     def stop_reason(self) -> str | None:
         """Get why the scan ended; None if it was never closed (it runs, or its process died)."""
-        reason: str | None = self._value("SELECT stop_reason FROM scan")
+        reason = self._value("SELECT stop_reason FROM scan")
+        if not isinstance(reason, str | None):
+            raise RecordingError(self.path, "the reason of its end is no text", FROM_A_COPY)
         return reason
 
     @property
@@ -123,7 +127,7 @@ class Reader:
     def summary(self) -> JsonObject:
         """Get the figures given to `finish`."""
         text = self._value("SELECT summary FROM scan")
-        return {} if text is None else self._json(text, "the summary")
+        return {} if text is None else json_object(self.path, text, "the summary")
 
     @property
     def complete(self) -> bool:
@@ -144,11 +148,13 @@ class Reader:
                 raw = [self._connection.execute(query, (index,)).fetchone() if traces else None for query in self._raw]
             if found is None:
                 raise RecordingError(self.path, "the line is not in the recording", line=index)
+            if not 0 <= index < self.raster["rows"]:
+                raise RecordingError(self.path, f"the raster has the lines 0 to {self.raster['rows'] - 1}", line=index)
             return rows.unpack(rows.Rows(found, *raw), self._form)
         except sqlite3.Error as error:
             raise from_sqlite(self.path, error, line=index) from error
-        except ValueError as error:
-            raise RecordingError(self.path, f"the line is damaged: {error}", line=index) from error
+        except DECODER_ERRORS as error:
+            raise RecordingError(self.path, f"the line is damaged: {decoder_words(error)}", line=index) from error
 
     def lines(self, *, traces: bool = True, skip_damaged: bool = False) -> Iterator[ScanLine]:
         """Iterate over the lines, each verified by its check sum.
@@ -198,26 +204,26 @@ class Reader:
 
     def events(self) -> list[Event]:
         """Return what happened, in order."""
-        found = self._rows("SELECT t, kind, state, data FROM event ORDER BY id")
-        return [Event(t, kind, state, self._json(data, "an event")) for t, kind, state, data in found]
+        return [event_of(self.path, row) for row in self._rows("SELECT t, kind, state, data FROM event ORDER BY id")]
+
+    def _layout(self) -> int:
+        layout = int(self._value("PRAGMA user_version"))
+        if layout not in rows.SELECT_RAW:
+            raise RecordingError(self.path, f"has layout {layout}, which was never written", FROM_A_COPY)
+        return layout
 
     def _read_header(self) -> JsonObject:
         found = self._rows("SELECT header, header_crc32 FROM scan")
         if not found:
             raise RecordingError(self.path, "has no header", "it was broken off at its very beginning; scan again")
         text, crc = found[0]
-        if zlib.crc32(text.encode()) != crc:
-            raise RecordingError(self.path, "the check sum of the header does not fit", "restore it from a copy")
-        return self._json(text, "the header")
-
-    def _json(self, text: str, what: str) -> JsonObject:
+        if not isinstance(text, str) or zlib.crc32(text.encode()) != crc:
+            raise RecordingError(self.path, "the check sum of the header does not fit", FROM_A_COPY)
+        header = json_object(self.path, text, "the header")
         try:
-            content = json.loads(text)
+            return checked_header(header)
         except ValueError as error:
-            raise RecordingError(self.path, f"{what} is damaged ({error})", "restore it from a copy") from error
-        if not isinstance(content, dict):
-            raise RecordingError(self.path, f"{what} is damaged", "restore it from a copy")
-        return content
+            raise RecordingError(self.path, str(error), FROM_A_COPY) from error
 
     def _rows(self, query: str) -> list[Any]:
         try:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from pydantic import ValidationError
 
+from picoradar.drivers.errors import parse_toml, read_text
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.settings.tables import Section, Settings
+
+LONGEST_SHOWN = 200
+"""Characters of a wrong value in a message."""
 
 
 def load_settings(path: Path) -> Settings:
@@ -22,14 +25,14 @@ def load_settings(path: Path) -> Settings:
         With the file, the line, the key, the value and what is allowed.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_text(path)
+    except (OSError, ValueError) as error:
         raise BadInput(
             f"{path}: cannot read the settings: {error}; give a TOML file (picoradar demo writes one)"
         ) from error
     try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        table = parse_toml(text)
+    except ValueError as error:
         raise BadInput(f"{path}: not valid TOML: {error}; correct that line") from error
     return settings_from(table, str(path), text)
 
@@ -86,11 +89,16 @@ def describe_errors(error: ValidationError, source: str, text: str) -> Iterator[
         line = _line_of(text, keys)
         where = f"{source}, line {line}" if line else source
         value = finding.get("input")
-        shown = "" if isinstance(value, (dict, Section)) or value is None else f" = {value!r}"
+        shown = "" if isinstance(value, (dict, Section)) or value is None else f" = {_short(value)}"
         message = finding["msg"].removeprefix("Value error, ")
         if finding["type"] == "extra_forbidden":
             message = "unknown key; remove it or correct its spelling"
         yield f"{where}: {'.'.join(keys) or 'settings'}{shown}: {message}"
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
 
 
 def _line_of(text: str, keys: list[str]) -> int:

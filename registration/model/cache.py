@@ -16,7 +16,6 @@ import math
 import os
 import sys
 import tempfile
-import tokenize
 import warnings
 import zipfile
 from collections.abc import Callable, Mapping
@@ -28,6 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from picoradar.registration._types import FloatArray, IntArray
+from picoradar.registration.errors import DECODER_ERRORS
 from picoradar.registration.model.field import DistanceField
 from picoradar.registration.model.mesh import MeshReport
 from picoradar.registration.model.views import Fields
@@ -39,20 +39,6 @@ HollowPlace = tuple[FloatArray, float, FloatArray, bool]
 """Centre (3,) mm, radius (mm), axis (3,) of a view, and whether it is the whole model."""
 
 T = TypeVar("T")
-
-DAMAGED = (
-    zipfile.BadZipFile,
-    EOFError,
-    ValueError,
-    KeyError,
-    IndexError,
-    TypeError,
-    RuntimeError,
-    MemoryError,
-    SyntaxError,
-    tokenize.TokenError,
-)
-"""What NumPy and zipfile raise on files with a wrong byte here or there."""
 
 
 @dataclass(frozen=True)
@@ -96,11 +82,11 @@ def load(key: str) -> Prepared | None:
     return _read(key, _prepared)
 
 
-def key_of_file(path: Path) -> str:
-    """Digest of a mesh file as it stands on the disk."""
-    content = hashlib.sha256(path.suffix.lower().encode())
-    content.update(path.read_bytes())
-    return f"file-{content.hexdigest()}"
+def key_of_file(suffix: str, content: bytes) -> str:
+    """Digest of a mesh file: of its ending and of what it holds."""
+    found = hashlib.sha256(suffix.lower().encode())
+    found.update(content)
+    return f"file-{found.hexdigest()}"
 
 
 def load_key(file_key: str) -> str | None:
@@ -140,8 +126,10 @@ def _read(key: str, taken: Callable[[Mapping[str, Any]], T]) -> T | None:
     try:
         with zipfile.ZipFile(_path(key)) as stored:
             return taken({Path(name).stem: _array(stored.read(name)) for name in stored.namelist()})
-    except (*DAMAGED, OSError):
-        return None  # absent, or a damaged or foreign file: the caller prepares it again and replaces it
+    except OSError:
+        return None  # not there
+    except DECODER_ERRORS:
+        return None  # a damaged or foreign file: the caller prepares it again and replaces it
 
 
 def _array(member: bytes) -> npt.NDArray[Any]:

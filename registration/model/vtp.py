@@ -8,7 +8,6 @@ from __future__ import annotations
 import base64
 import xml.etree.ElementTree as ElementTree
 import zlib
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy.typing as npt
 
 from picoradar.registration._types import FloatArray, IntArray
 from picoradar.registration.errors import MeshError
+from picoradar.registration.model.limits import LARGEST_ARRAY_BYTES
 
 _DTYPES = {
     "Float32": "f4", "Float64": "f8", "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2",
@@ -69,38 +69,52 @@ class _Decoder:
         first = int(np.frombuffer(data[:width], dtype=self.header)[0])
         if not self.compressed:
             return data[width : width + first]
-        sizes = np.frombuffer(data[3 * width : (3 + first) * width], dtype=self.header)
+        if first == 0:
+            return b""
+        if len(data) < (3 + first) * width:
+            raise ValueError(f"it is cut off: {first} compressed blocks are stated")
+        _, block, last, *sizes = (int(n) for n in np.frombuffer(data[: (3 + first) * width], dtype=self.header))
+        if first * block > LARGEST_ARRAY_BYTES + block:
+            raise ValueError(f"an array of it has {first * block} bytes; at most {LARGEST_ARRAY_BYTES} are read")
         at, parts = (3 + first) * width, []
-        for size in sizes:
-            parts.append(zlib.decompress(data[at : at + int(size)]))
-            at += int(size)
+        for number, size in enumerate(sizes, start=1):
+            stated = last if number == first and last else block
+            parts.append(_unpacked(data[at : at + size], stated))
+            at += size
         return b"".join(parts)
+
+
+def _unpacked(data: bytes, stated: int) -> bytes:
+    """Decompress a block; never more than it states."""
+    unpacker = zlib.decompressobj()
+    plain = unpacker.decompress(data, stated + 1)
+    if len(plain) != stated:
+        raise ValueError(f"a compressed block of it has not the {stated} bytes that it states")
+    return plain
 
 
 def _decoded(text: bytes, count: int) -> bytes:
     return base64.b64decode(text[: 4 * ((count + 2) // 3)])[:count]
 
 
-def read_vtp(file: Path) -> tuple[FloatArray, IntArray]:
+def read_vtp(content: bytes) -> tuple[FloatArray, IntArray]:
     """Read vertices (V, 3) and triangles (F, 3) of all pieces; polygons are fanned into triangles.
 
     Vertices, lines and triangle strips of a piece take no part.
 
     Raises
     ------
-    MeshError
-        If the file is damaged or is no polygonal data.
+    Exception
+        Any of `picoradar.registration.errors.DECODER_ERRORS`, if it is damaged or is no polygonal data.
     """
-    content = file.read_bytes()
     xml, appended = _split_appended(content)
-    try:
-        root = ElementTree.fromstring(xml)
-        decoder = _Decoder(root, appended)
-        pieces = [_piece(decoder, element) for element in root.findall("PolyData/Piece") if _has_surface(element)]
-        if not pieces:
-            raise MeshError("holds no PolyData piece with Points and Polys")
-    except (ElementTree.ParseError, KeyError, ValueError, IndexError, zlib.error) as error:
-        raise MeshError(f"{file}: cannot be read as VTK polygonal data ({error}); export it again") from error
+    if b"<!DOCTYPE" in xml or b"<!ENTITY" in xml:  # a few lines of entities can expand to gigabytes
+        raise ValueError("it defines entities, which no VTK file does")
+    root = ElementTree.fromstring(xml)
+    decoder = _Decoder(root, appended)
+    pieces = [_piece(decoder, element) for element in root.findall("PolyData/Piece") if _has_surface(element)]
+    if not pieces:
+        raise ValueError("it holds no PolyData piece with Points and Polys")
     first = np.cumsum([0, *(len(vertices) for vertices, _ in pieces[:-1])])
     faces = [triangles + before for (_, triangles), before in zip(pieces, first, strict=True)]
     return np.concatenate([vertices for vertices, _ in pieces]), np.concatenate(faces)
@@ -131,11 +145,13 @@ def _split_appended(content: bytes) -> tuple[bytes, bytes]:
 
 
 def _triangles(connectivity: IntArray, offsets: IntArray) -> IntArray:
-    """Fan polygons into triangles (F, 3); of each corner of the fan only those polygons are read that have it."""
+    """Fan polygons into triangles (F, 3): the first ones of all polygons, then the second ones, and so on."""
     starts = np.concatenate([[0], offsets[:-1]])
     counts = offsets - starts
-    fans = [np.zeros((0, 3), dtype=np.int64)]
-    for k in range(1, int(counts.max(initial=0)) - 1):
-        first = starts[counts > k + 1]
-        fans.append(np.stack([connectivity[first], connectivity[first + k], connectivity[first + k + 1]], axis=1))
-    return np.concatenate(fans)
+    if len(offsets) and (counts.min() < 0 or offsets[-1] > len(connectivity)):
+        raise IndexError("the polygons do not end one after the other")
+    fans = np.maximum(counts - 2, 0)
+    step = np.arange(fans.sum()) - np.repeat(np.cumsum(fans) - fans, fans) + 1
+    order = np.argsort(step, kind="stable")
+    first, step = np.repeat(starts, fans)[order], step[order]
+    return np.stack([connectivity[first], connectivity[first + step], connectivity[first + step + 1]], axis=1)

@@ -38,12 +38,12 @@ class Landmarks:
         Raises
         ------
         StartError
-            If an entry lacks a key or holds no three numbers.
+            If an entry lacks a key or holds no three finite numbers.
         """
         for index, pair in enumerate(pairs):
             for key in ("scanner", "model"):
                 if not isinstance(pair, Mapping) or key not in pair or not _three_numbers(pair[key]):
-                    raise StartError(f'landmark {index} has no "{key}" with three numbers (mm)')
+                    raise StartError(f'landmark {index} has no "{key}" with three finite numbers (mm)')
         return cls(
             scanner=np.array([pair["scanner"] for pair in pairs], dtype=np.float64).reshape(-1, 3),
             model=np.array([pair["model"] for pair in pairs], dtype=np.float64).reshape(-1, 3),
@@ -86,6 +86,7 @@ def checked_start(start: Start) -> FloatArray | Cone | None:
 
 def _three_numbers(value: object) -> bool:
     try:
-        return np.asarray(value, dtype=np.float64).shape == (3,)
-    except (TypeError, ValueError):
+        numbers = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
         return False
+    return numbers.shape == (3,) and bool(np.isfinite(numbers).all())

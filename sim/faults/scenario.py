@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import tomllib
 from pathlib import Path
 
 from pydantic import ValidationError
 
+from picoradar.drivers.errors import parse_json, parse_toml, read_text
 from picoradar.sim.faults.fault import Fault
 from picoradar.sim.faults.kinds import KINDS
 
@@ -21,9 +20,9 @@ def load_scenario(path: Path) -> list[Fault]:
         With the file, the number of the fault, the key and what is allowed.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-        table: object = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
-    except (OSError, UnicodeDecodeError, ValueError) as error:
+        text = read_text(path)
+        table = parse_json(text) if path.suffix == ".json" else parse_toml(text)
+    except (OSError, ValueError) as error:
         raise ValueError(f"{path}: cannot be read as faults: {error}; give TOML with [[fault]] or JSON") from error
     if not isinstance(table, dict) or set(table) != {"fault"} or not isinstance(table["fault"], list):
         raise ValueError(f"{path}: holds no list of faults; write [[fault]] tables and nothing else")

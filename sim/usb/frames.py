@@ -6,6 +6,8 @@ import json
 import socket
 import struct
 
+from picoradar.drivers.errors import parse_json
+
 Header = dict[str, object]
 _LENGTHS = struct.Struct("<II")
 LONGEST_HEADER = 1 << 20
@@ -64,7 +66,7 @@ def take_frame(received: bytearray) -> tuple[Header, bytes] | None:
         return None
     data = bytes(received[_LENGTHS.size + header_length : end])
     try:
-        header = json.loads(received[_LENGTHS.size : _LENGTHS.size + header_length])
+        header = parse_json(received[_LENGTHS.size : _LENGTHS.size + header_length])
     except ValueError as error:
         raise BadFrame(f"a frame with a damaged header: {error}") from error
     if not isinstance(header, dict):

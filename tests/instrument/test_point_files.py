@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import io
+import tracemalloc
+import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from picoradar.instrument.files.points import PointFileError, read_points
+from picoradar.instrument.files.points.limits import MOST_POINTS
 from picoradar.instrument.recording import RecordingError
 
 POINTS = [[1.5, -2.0, 900.25], [3.0, 4.0, 901.0]]
@@ -180,3 +184,103 @@ def test_garbage_is_refused_and_never_a_stack_trace(
     except (PointFileError, RecordingError):
         return
     assert np.isfinite(found.points).all()
+
+
+def npz(path: Path, **members: bytes) -> Path:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in members.items():
+            archive.writestr(f"{name}.npy", content)
+    return path
+
+
+def npy(values: object, dtype: str = "<f8") -> bytes:
+    content = io.BytesIO()
+    np.save(content, np.asarray(values, dtype=dtype))
+    return content.getvalue()
+
+
+def promise(shape: tuple[int, ...], descr: str = "<f8") -> bytes:
+    """A header that states more than follows."""
+    content = io.BytesIO()
+    np.lib.format.write_array_header_1_0(content, {"shape": shape, "fortran_order": False, "descr": descr})
+    return content.getvalue()
+
+
+def peak_bytes(use: Callable[[], object]) -> int:
+    tracemalloc.start()
+    try:
+        use()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+BOMB = bytes(60_000_000)
+
+
+@pytest.mark.parametrize(
+    ("members", "words"),
+    [
+        ({"points_mm": promise((10**12, 3))}, "has not the 24000000000000 bytes"),
+        ({"points_mm": promise((4, 3)) + BOMB}, "has not the 96 bytes"),
+        ({"points_mm": promise((-1, 3))}, "has not the"),
+        ({"points_mm": promise((10**6, 3), "<U1000")}, "has not the"),
+        ({"points_mm": promise((4, 3), "|O") + b"\x80\x04K\x01."}, "Python objects"),
+        ({"points_mm": b"\x93NUMPY\x03\x00" + bytes(20)}, "later version"),
+        ({"points_mm": b"\x93NUMPY\x01\x00\xff\xff" + b"(" * 65535}, "no archive of plain arrays"),
+        ({"points_mm": b""}, "no archive of plain arrays"),
+        ({"points_mm": npy(POINTS), "covariance_mm2": promise((10**12, 3, 3))}, "covariance_mm2.npy has not the"),
+        ({"points_mm": npy(POINTS), "row": npy([1, np.nan]), "column": npy([1, 2])}, "no places of a raster"),
+        ({"other": BOMB}, "has the arrays other"),
+    ],
+)
+def test_an_archive_is_judged_before_it_is_unpacked(tmp_path: Path, members: dict[str, bytes], words: str) -> None:
+    path = npz(tmp_path / "points.npz", **members)
+    assert path.stat().st_size < 100_000
+
+    def refused() -> None:
+        with pytest.raises(PointFileError, match=words):
+            read_points(path)
+
+    assert peak_bytes(refused) < 10_000_000
+
+
+def test_an_array_that_is_not_needed_is_not_unpacked(tmp_path: Path) -> None:
+    path = npz(tmp_path / "points.npz", points_mm=npy(POINTS), traces=BOMB)
+    assert peak_bytes(lambda: read_points(path)) < 10_000_000
+    assert read_points(path).points.tolist() == POINTS
+
+
+def test_an_array_of_more_points_than_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "points.npz"
+    many = np.zeros((MOST_POINTS + 1, 3), dtype="<i1")
+    np.savez_compressed(path, points_mm=many)
+    with pytest.raises(PointFileError, match=f"at most {MOST_POINTS} are read"):
+        read_points(path)
+
+
+def test_a_damaged_stream_of_an_archive(tmp_path: Path) -> None:
+    path = tmp_path / "points.npz"
+    np.savez_compressed(path, points_mm=np.random.default_rng(1).normal(size=(200, 3)))
+    content = bytearray(path.read_bytes())
+    content[200:210] = b"\xff" * 10
+    path.write_bytes(content)
+    with pytest.raises(PointFileError, match="no archive of plain arrays"):
+        read_points(path)
+
+
+@pytest.mark.parametrize("number", ["inf", "1e309", "-inf", "nan", "4294967296"])
+def test_a_whole_number_that_is_none(tmp_path: Path, number: str) -> None:
+    path = tmp_path / "points.ply"
+    head = "ply\nformat ascii 1.0\nelement vertex 2\nproperty int x\nproperty int y\nproperty int z\nend_header\n"
+    path.write_text(f"{head}1 2 3\n4 {number} 6\n")
+    with pytest.raises(PointFileError, match=r"points.ply, line 9: '4 .* 6' is no point"):
+        read_points(path)
+
+
+def test_more_points_than_a_ply_may_state(tmp_path: Path) -> None:
+    path = tmp_path / "points.ply"
+    for count in (MOST_POINTS + 1, 4_000_000_000, 10**17):
+        path.write_text(f"ply\nformat ascii 1.0\nelement vertex {count}\nproperty float x\nend_header\n1\n")
+        with pytest.raises(PointFileError, match=f"states {count} points"):
+            read_points(path)

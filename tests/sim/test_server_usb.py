@@ -66,13 +66,18 @@ def test_frames_are_the_same_for_any_cut_of_the_stream() -> None:
         assert not received
 
 
-@pytest.mark.parametrize("bad", [b"\xff" * 8, b"\x02\0\0\0\0\0\0\0[]", b"\x02\0\0\0\0\0\0\0{!"])
+DEEP = (500_000).to_bytes(4, "little") + bytes(4) + b"[" * 500_000
+
+
+@pytest.mark.parametrize("bad", [b"\xff" * 8, b"\x02\0\0\0\0\0\0\0[]", b"\x02\0\0\0\0\0\0\0{!", DEEP])
 def test_what_is_no_frame_is_refused(bad: bytes) -> None:
     with pytest.raises(BadFrame):
         take_frame(bytearray(bad))
 
 
-JSON = st.recursive(st.none() | st.booleans() | st.integers() | st.text(max_size=5), st.lists, max_leaves=5)
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**63) + 1, 2**63 - 1) | st.text(max_size=5), st.lists, max_leaves=5
+)
 QUESTIONS = st.fixed_dictionaries(
     {"op": st.sampled_from([*ARGUMENTS, "open", "close", "__class__"]) | JSON},
     optional={
@@ -99,6 +104,9 @@ def test_bytes_that_are_no_frame_end_that_connection_only(address: str, bus: For
     host, port = address.split(":")
     with socket.create_connection((host, int(port)), timeout=5) as connection:
         connection.sendall(b"\xff" * 64)
+        assert connection.recv(1) == b""
+    with socket.create_connection((host, int(port)), timeout=5) as connection:
+        connection.sendall(DEEP)
         assert connection.recv(1) == b""
     assert len(bus.enumerate_devices()) == 1
 

@@ -86,6 +86,8 @@ def test_the_same_seed_gives_the_same_faults() -> None:
         ("[[fault]]\nkind = 'misfire'\nat = {time_s = 1.0}\nwhy = 'no'", "Extra inputs"),
         ("fault = 3", "holds no list"),
         ("[[fault", "cannot be read"),
+        ("fault = " + "[" * 5000 + "]" * 5000, "nested too deeply"),
+        ("[[fault]]\nkind = 'misfire'\nat = {pulse = 0x" + "f" * 30 + "}", "more than 64 bits"),
     ],
 )
 def test_a_scenario_that_cannot_be_is_refused(

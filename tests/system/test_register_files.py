@@ -14,6 +14,13 @@ from picoradar.instrument.cli.main import run
     [
         ("--targets", '[{"name": "rim"}]', "position"),
         ("--targets", '[{"name": "rim", "position": [0, NaN, 1]}]', "rim is at"),
+        ("--targets", "[" * 200_000, "nested too deeply"),
+        ("--targets", f'[{{"name": "rim", "position": [0, {"9" * 5000}, 1]}}]', "4300 digits"),
+        ("--exclude", "[" * 40 + "]" * 40, "nested deeper than 32"),
+        ("--landmarks", "[{}, null]", "JSON list of objects"),
+        ("--landmarks", '[{"scanner": [0, NaN, 1], "model": [0, 0, 0]}]', "finite"),
+        ("--start", "[[1e999, 0, 0, 0]]", "neither a 4x4 matrix"),
+        ("--start", str(2**80), "more than 64 bits"),
         ("--targets", '{"position": [0, 0, 0]}', "JSON list of objects"),
         ("--exclude", '[{"center": [0, 0], "radius_mm": 3}]', "excluded region 0"),
         ("--landmarks", '[{"scanner": [0, 0, 1]}]', "model"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from picoradar.instrument.files.points.errors import PointFileError
+from picoradar.instrument.files.points.limits import MOST_POINTS
 
 _TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
@@ -44,11 +46,6 @@ def read_vertices(path: Path) -> NDArray[np.void]:
     header = _read_header(path, content)
     if header.form == "ascii":
         return _read_text(path, content, header)
-    missing = header.count * header.dtype.itemsize - (len(content) - header.end)
-    if missing > 0:
-        raise PointFileError(
-            path, f"is cut off: {missing} bytes of its {header.count} points are missing", "copy it again"
-        )
     return np.frombuffer(content, dtype=header.dtype, count=header.count, offset=header.end)
 
 
@@ -66,7 +63,7 @@ def _read_header(path: Path, content: bytes) -> _Header:
             case ["format", form, _]:
                 if form not in _ORDERS:
                     raise PointFileError(path, f"the format '{form}' is not known", _EXPORT_AGAIN, line=number)
-            case ["element", name, count] if count.isdecimal():
+            case ["element", name, count] if re.fullmatch(r"[0-9]{1,18}", count):
                 elements.append((name, int(count)))
             case ["property", kind, name] if kind in _TYPES and len(elements) == 1:
                 fields.append((name, _ORDERS.get(form, "=") + _TYPES[kind]))
@@ -78,7 +75,13 @@ def _read_header(path: Path, content: bytes) -> _Header:
         raise PointFileError(path, "its first element is not 'vertex'", _EXPORT_AGAIN)
     if len({name for name, _ in fields}) != len(fields) or not fields:
         raise PointFileError(path, "its vertices have no properties, or one twice", _EXPORT_AGAIN)
-    return _Header(form, elements[0][1], np.dtype(fields), end, len(lines))
+    stated, dtype = elements[0][1], np.dtype(fields)
+    if stated > MOST_POINTS:
+        raise PointFileError(path, f"states {stated} points; at most {MOST_POINTS} are read", "leave out some of them")
+    missing = 0 if form == "ascii" else stated * dtype.itemsize - (len(content) - end)
+    if missing > 0:
+        raise PointFileError(path, f"is cut off: {missing} bytes of its {stated} points are missing", "copy it again")
+    return _Header(form, stated, dtype, end, len(lines))
 
 
 def _read_text(path: Path, content: bytes, header: _Header) -> NDArray[np.void]:
@@ -89,7 +92,7 @@ def _read_text(path: Path, content: bytes, header: _Header) -> NDArray[np.void]:
     for k, line in enumerate(lines):
         try:
             table[k] = tuple(map(float, line.split()))
-        except ValueError as error:
+        except (ValueError, OverflowError) as error:  # OverflowError: an integer property that is inf
             where = header.lines + k + 1
             raise PointFileError(path, f"'{line[:60]}' is no point ({error})", _EXPORT_AGAIN, line=where) from error
     return table

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from picoradar.drivers.errors import DECODER_ERRORS, decoder_words
+from picoradar.instrument.files.points.archive import read_arrays
 from picoradar.instrument.files.points.errors import PointFileError
+from picoradar.instrument.files.points.limits import LARGEST_FILE_BYTES, MOST_POINTS
 from picoradar.instrument.files.points.ply import read_vertices
 from picoradar.instrument.files.points.text import read_text
 from picoradar.instrument.recording import Recording
@@ -19,6 +21,7 @@ from picoradar.instrument.recording import Recording
 SUFFIXES = (".ply", ".csv", ".xyz", ".npz")
 _SQLITE = b"SQLite format 3\0"
 _RESPONSES = ("response_mv", "response")
+_ARRAYS = ("points_mm", "points", "row", "column", "origin_mm", "covariance_mm2", "response_mv")
 
 
 @dataclass(frozen=True)
@@ -70,9 +73,15 @@ def read_points(path: str | os.PathLike[str]) -> PointFile:
             raise PointFileError(file, "is empty", "export it again")
         if beginning == _SQLITE:
             return _from_recording(file)
+        if file.stat().st_size > LARGEST_FILE_BYTES:
+            raise PointFileError(file, f"has more than {LARGEST_FILE_BYTES} bytes", "leave out points and columns")
         return _from_file(file)
     except OSError as error:
         raise PointFileError(file, f"cannot be read ({error.strerror or error})", "check its permissions") from error
+    except DECODER_ERRORS as error:
+        if isinstance(error, PointFileError):
+            raise
+        raise PointFileError(file, f"cannot be read ({decoder_words(error)})", "export it again") from error
 
 
 def _from_recording(file: Path) -> PointFile:
@@ -114,20 +123,16 @@ def _from_columns(file: Path, values: Mapping[str, NDArray[np.float64]]) -> Poin
     response = next((values[name] for name in _RESPONSES if name in values), None)
     grid = None
     if "row" in values and "column" in values:
-        grid = np.column_stack([values["row"], values["column"]]).astype(np.int32)
+        grid = _grid(file, values["row"], values["column"])
     return PointFile(np.column_stack(axes), response_mv=response, grid=grid)
 
 
 def _from_archive(file: Path) -> PointFile:
-    try:
-        with zipfile.ZipFile(file), np.load(file, allow_pickle=False) as archive:
-            found = {name: archive[name] for name in archive.files}
-    except (ValueError, zipfile.BadZipFile) as error:
-        raise PointFileError(file, f"is no archive of plain arrays ({error})", "write it with numpy.savez") from error
+    found = read_arrays(file, _ARRAYS)
     points = next((found[name] for name in ("points_mm", "points") if name in found), None)
     if points is None:
         raise PointFileError(
-            file, f"has the arrays {', '.join(found) or 'none'}", "put the points into an array points_mm of (N, 3)"
+            file, f"has the arrays {', '.join(found)} of points", "put the points into an array points_mm of (N, 3)"
         )
     if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu":
         raise PointFileError(file, f"its points are {points.dtype} {points.shape}", "make them numbers of (N, 3)")
@@ -138,8 +143,15 @@ def _from_archive(file: Path) -> PointFile:
         origin=_array(file, found, "origin_mm", (3,)),
         covariance=_array(file, found, "covariance_mm2", (count, 3, 3)),
         response_mv=_array(file, found, "response_mv", (count,)),
-        grid=None if rows is None or columns is None else np.column_stack([rows, columns]).astype(np.int32),
+        grid=None if rows is None or columns is None else _grid(file, rows, columns),
     )
+
+
+def _grid(file: Path, rows: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.int32]:
+    places = np.column_stack([rows, columns])
+    if not (np.abs(places) <= np.iinfo(np.int32).max).all():  # also true for NaN
+        raise PointFileError(file, "has rows and columns that are no places of a raster", "leave these columns out")
+    return places.astype(np.int32)
 
 
 def _array(
@@ -158,6 +170,8 @@ def _check(file: Path, found: PointFile, numbers: list[int] | None) -> None:
     count = len(found.points)
     if count == 0:
         raise PointFileError(file, "holds no points", "export it again")
+    if count > MOST_POINTS:
+        raise PointFileError(file, f"holds {count} points; at most {MOST_POINTS} are read", "leave out some of them")
     bad = np.flatnonzero(~np.isfinite(found.points).all(axis=1))
     if bad.size:
         first = int(bad[0])
