@@ -7,6 +7,7 @@ from types import TracebackType
 from typing import Self
 
 from picoradar.drivers.clock import VirtualClock
+from picoradar.drivers.errors import DECODER_ERRORS, decoder_words
 from picoradar.drivers.links import read_transcript
 from picoradar.sim.ports import SerialWire, new_bench_name, publish, withdraw
 from picoradar.sim.replay.serial_device import SerialReplay
@@ -41,8 +42,13 @@ class ReplayedBench:
         events = read_transcript(path)
         self.clock = VirtualClock() if clock is None else clock
         opened = {e.link: e.more for e in events if e.what == "open"}
-        self.serial = {link: SerialReplay(events, link) for link, more in opened.items() if "baud" in more}
-        self.usb = {link: UsbReplay(events, link, self.clock) for link, more in opened.items() if "baud" not in more}
+        try:
+            self.serial = {link: SerialReplay(events, link) for link, more in opened.items() if "baud" in more}
+            self.usb = {
+                link: UsbReplay(events, link, self.clock) for link, more in opened.items() if "baud" not in more
+            }
+        except DECODER_ERRORS as error:
+            raise ValueError(f"{path}: what it says of a device is damaged: {decoder_words(error)}") from error
         name = new_bench_name()
         self.urls = {
             link: publish(name, str(number), SerialWire(device, self.clock))
