@@ -109,6 +109,7 @@ def _failed(arguments: list[str], code: int, message: str) -> int:
 def _register_subcommands() -> None:
     from picoradar.instrument.cli.commands import (
         bench,
+        cache,
         calibration,
         demo,
         doctor,
@@ -126,7 +127,7 @@ def _register_subcommands() -> None:
     )
 
     modules = (demo, settings, doctor, off, sim, scan, resume, info, export, reprocess, register)
-    for module in (*modules, bench, calibration, validate, laser_class):
+    for module in (*modules, bench, calibration, validate, laser_class, cache):
         module.add_to(app)
 
 

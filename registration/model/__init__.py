@@ -1,5 +1,6 @@
 """The preoperative model: mesh, closest points and rays, distance fields, what a scanner can see of it, cache."""
 
+from picoradar.registration.model.cache_folder import CacheContents, clear_cache, contents_of_cache
 from picoradar.registration.model.centres import sphere_centres, sphere_support
 from picoradar.registration.model.field import DistanceField, build_fields
 from picoradar.registration.model.files import load_model
@@ -9,6 +10,7 @@ from picoradar.registration.model.views import Place, View
 from picoradar.registration.model.visibility import visible_centroids, visible_shell
 
 __all__ = [
+    "CacheContents",
     "Closest",
     "DistanceField",
     "Model",
@@ -16,6 +18,8 @@ __all__ = [
     "Surface",
     "View",
     "build_fields",
+    "clear_cache",
+    "contents_of_cache",
     "load_model",
     "part",
     "prepare_model",

@@ -3,8 +3,10 @@
 In the folder named by the environment variable ``PICORADAR_CACHE``, else in the user's cache folder of the platform,
 lies ``registration-v<version>-<digest>.npz`` for each model, with the mesh and the fields of its likeliest view; one
 more for the fields of any other view that was ever needed; and a small one for each mesh file that was read, with the
-digest of the mesh in it. A file is written under another name and then renamed, so that readers never see half of it;
-one that cannot be read is prepared again.
+digest of the mesh in it. A file is written under another name and then renamed, so that readers never see half of it.
+Each one carries a seal over its key and its content: one that is damaged, or that lies under the key of another model,
+is prepared again, and so is one that somebody else could have written. What was not used for longest is removed
+(`cache_folder`).
 """
 
 from __future__ import annotations
@@ -14,7 +16,6 @@ import io
 import json
 import math
 import os
-import sys
 import tempfile
 import warnings
 import zipfile
@@ -28,15 +29,16 @@ import numpy.typing as npt
 
 from picoradar.registration._types import FloatArray, IntArray
 from picoradar.registration.errors import DECODER_ERRORS
+from picoradar.registration.model.cache_folder import evict, opened_own, path_of
 from picoradar.registration.model.field import DistanceField
 from picoradar.registration.model.mesh import MeshReport
 from picoradar.registration.model.views import Fields
 
-VERSION = 9
-"""Raised whenever the reading of mesh files, their preparation or the layout here changes."""
-
 HollowPlace = tuple[FloatArray, float, FloatArray, bool]
 """Centre (3,) mm, radius (mm), axis (3,) of a view, and whether it is the whole model."""
+
+SEAL = "seal"
+"""Member of a file with the digest of `_seal`."""
 
 T = TypeVar("T")
 
@@ -56,22 +58,10 @@ class Prepared:
         return self.fields
 
 
-def folder() -> Path:
-    """The cache folder; it need not exist."""
-    named = os.environ.get("PICORADAR_CACHE")
-    if named:
-        return Path(named)
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")) / "picoradar"
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "picoradar"
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "picoradar"
-
-
-def digest(vertices: npt.NDArray[Any], faces: npt.NDArray[Any]) -> str:
-    """Digest of a mesh as it was given."""
+def digest(*arrays: npt.NDArray[Any]) -> str:
+    """Digest of arrays: vertices and faces of a mesh as it was given."""
     content = hashlib.sha256()
-    for array in (vertices, faces):
+    for array in arrays:
         content.update(f"{array.dtype.str}{array.shape}".encode())
         content.update(np.ascontiguousarray(array).data)
     return content.hexdigest()
@@ -124,12 +114,31 @@ def _kept(
 
 def _read(key: str, taken: Callable[[Mapping[str, Any]], T]) -> T | None:
     try:
-        with zipfile.ZipFile(_path(key)) as stored:
-            return taken({Path(name).stem: _array(stored.read(name)) for name in stored.namelist()})
+        with opened_own(path_of(key)) as file, zipfile.ZipFile(file) as stored:
+            if any(member.compress_type != zipfile.ZIP_STORED for member in stored.infolist()):
+                raise ValueError("compressed, as nothing here is written")
+            seal = stored.read(SEAL).decode()
+            arrays = {Path(name).stem: _array(stored.read(name)) for name in stored.namelist() if name != SEAL}
+            if seal != _seal(key, stored, arrays):
+                raise ValueError("the file of another model, or its content was changed")
+        return taken(arrays)
     except OSError:
         return None  # not there
     except DECODER_ERRORS:
         return None  # a damaged or foreign file: the caller prepares it again and replaces it
+
+
+def _seal(key: str, stored: zipfile.ZipFile, arrays: Mapping[str, npt.NDArray[Any]]) -> str:
+    """Digest that ties what is in a file to the key that it lies under: each member, and the mesh by its own digest.
+
+    The fields, megabytes, go in by their check sums, which zipfile compares anyhow: a hit stays fast.
+    """
+    content = hashlib.sha256(key.encode())
+    for member in sorted(stored.infolist(), key=lambda member: member.filename):
+        if member.filename != SEAL:
+            content.update(f"{member.filename} {member.file_size} {member.CRC} ".encode())
+    content.update(digest(*(arrays[name] for name in ("vertices", "faces") if name in arrays)).encode())
+    return content.hexdigest()
 
 
 def _array(member: bytes) -> npt.NDArray[Any]:
@@ -166,23 +175,22 @@ def _field_arrays(fields: Fields) -> dict[str, npt.NDArray[Any]]:
 
 
 def _write(key: str, arrays: dict[str, npt.NDArray[Any]]) -> None:
-    path = _path(key)
+    path = path_of(key)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as part:
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix="registration-", suffix=".part", delete=False) as part:
             try:
                 np.savez(part, allow_pickle=False, **arrays)
+                with zipfile.ZipFile(part, "a") as made:
+                    made.writestr(SEAL, _seal(key, made, arrays))
                 part.close()
                 os.replace(part.name, path)
             except BaseException:  # a full disk, or Ctrl-C: what is half written would lie there for ever
                 os.unlink(part.name)
                 raise
+        evict(path)
     except OSError as error:
         warnings.warn(f"the prepared model could not be kept in {path.parent} ({error})", RuntimeWarning, stacklevel=4)
-
-
-def _path(key: str) -> Path:
-    return folder() / f"registration-v{VERSION}-{key}.npz"
 
 
 def _report(values: dict[str, Any]) -> MeshReport:

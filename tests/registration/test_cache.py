@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import errno
+import io
+import json
+import os
 import pickle
+import time
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +16,8 @@ import pytest
 import trimesh
 
 from picoradar import registration
-from picoradar.registration.model import Place
+from picoradar.instrument.cli.main import run
+from picoradar.registration.model import Place, clear_cache, contents_of_cache
 
 
 def files(folder: Path) -> list[Path]:
@@ -184,3 +190,146 @@ def test_a_full_disk_leaves_no_half_written_file(
     with pytest.warns(RuntimeWarning, match="could not be kept"):
         registration.prepare_model(small.vertices, small.faces)
     assert files(folder) == []
+
+
+def prepared(model: registration.Model, offset_mm: float, folder: Path) -> Path:
+    """Prepare a model that was moved, and get its file."""
+    before = set(files(folder))
+    registration.prepare_model(model.vertices + offset_mm, model.faces)
+    (made,) = set(files(folder)) - before
+    return made
+
+
+def used(path: Path, seconds_ago: float) -> None:
+    status = path.stat()
+    os.utime(path, ns=(time.time_ns() - int(seconds_ago * 1e9), status.st_mtime_ns))
+
+
+def test_the_file_of_another_model_is_not_believed(small: registration.Model, folder: Path) -> None:
+    """As after a mix-up of names: sound in itself, and of another bone."""
+    mine, other = prepared(small, 0.0, folder), prepared(small, 10.0, folder)
+    other.replace(mine)
+    again = registration.prepare_model(small.vertices, small.faces)
+    np.testing.assert_array_equal(again.vertices, small.vertices)
+    np.testing.assert_allclose(again.views[0].centre, small.views[0].centre)
+
+
+def test_a_mesh_file_known_as_another_one_is_not_believed(
+    small: registration.Model, folder: Path, tmp_path: Path
+) -> None:
+    meshes = []
+    for offset_mm in (0.0, 10.0):
+        mesh = tmp_path / f"{offset_mm:g}.stl"
+        mesh.write_bytes(trimesh.exchange.stl.export_stl(trimesh.Trimesh(small.vertices + offset_mm, small.faces)))
+        meshes.append(mesh)
+    known = []
+    for mesh in meshes:
+        before = set(files(folder))
+        registration.load_model(mesh)
+        known.append(next(path for path in set(files(folder)) - before if "-file-" in path.name))
+    known[1].replace(known[0])
+    np.testing.assert_allclose(registration.load_model(meshes[0]).centre, small.centre, atol=1e-4)
+
+
+@pytest.mark.parametrize("member", ["vertices", "faces", "places", "fine", "report"])
+def test_changed_content_is_not_believed_though_its_check_sums_fit(
+    small: registration.Model, folder: Path, member: str
+) -> None:
+    path = prepared(small, 0.0, folder)
+    with zipfile.ZipFile(path) as stored:
+        members = {name: stored.read(name) for name in stored.namelist()}
+    values = np.load(io.BytesIO(members[f"{member}.npy"]))
+    if member == "report":
+        changed = np.array(str(values).replace('"closed": false', '"closed": true '))
+        assert str(changed) != str(values)
+    else:
+        changed = values.copy()
+        changed.reshape(-1)[0] += 1
+    written = io.BytesIO()
+    np.save(written, changed)
+    with zipfile.ZipFile(path, "w") as stored:
+        for name, content in {**members, f"{member}.npy": written.getvalue()}.items():
+            stored.writestr(name, content)
+    again = registration.prepare_model(small.vertices, small.faces)
+    np.testing.assert_array_equal(again.vertices, small.vertices)
+    np.testing.assert_array_equal(again.faces, small.faces)
+    np.testing.assert_array_equal(again.views[0].fine.nodes, small.views[0].fine.nodes)
+    np.testing.assert_array_equal(again.views[0].centre, small.views[0].centre)
+    assert not again.closed
+
+
+@pytest.mark.skipif(os.name == "nt", reason="rights of files are POSIX")
+def test_a_file_that_others_may_write_to_is_not_believed(small: registration.Model, folder: Path) -> None:
+    path = prepared(small, 0.0, folder)
+    assert path.stat().st_mode & 0o077 == 0
+    assert folder.stat().st_mode & 0o077 == 0
+    path.chmod(0o666)
+    written = path.stat().st_ino
+    registration.prepare_model(small.vertices, small.faces)
+    assert path.stat().st_ino != written
+    assert path.stat().st_mode & 0o077 == 0
+
+
+def test_what_was_not_used_for_longest_makes_room(
+    small: registration.Model, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = [prepared(small, float(offset), folder) for offset in range(3)]
+    for path, seconds_ago in zip(kept, (300.0, 400.0, 200.0), strict=True):
+        used(path, seconds_ago)
+    registration.prepare_model(small.vertices, small.faces)  # the first one is used again
+    size = kept[0].stat().st_size
+    monkeypatch.setenv("PICORADAR_CACHE_MIB", str(2.5 * size / 2**20))
+    newest = prepared_at(small, 3.0, folder)
+    assert set(files(folder)) == {kept[0], newest}
+    monkeypatch.setenv("PICORADAR_CACHE_MIB", "0")
+    newest = prepared_at(small, 4.0, folder)
+    assert files(folder) == [newest]  # what was just made stays
+
+
+def prepared_at(model: registration.Model, offset_mm: float, folder: Path) -> Path:
+    registration.prepare_model(model.vertices + offset_mm, model.faces)
+    return max(files(folder), key=lambda path: path.stat().st_mtime_ns)
+
+
+def test_files_of_earlier_versions_and_abandoned_ones_go_and_nothing_else(
+    small: registration.Model, folder: Path
+) -> None:
+    folder.mkdir()
+    names = {
+        "registration-v3-old.npz": False,
+        "registration-v9999-of-a-later-version.npz": True,
+        "registration-abandoned.part": False,
+        "registration-being-written.part": True,
+        "download.part": True,
+        "notes.txt": True,
+    }
+    for name in names:
+        (folder / name).write_bytes(b"x" * 100)
+        if name in ("registration-abandoned.part", "download.part"):
+            os.utime(folder / name, (1.0, 1.0))
+    registration.prepare_model(small.vertices, small.faces)
+    left = {path.name for path in files(folder)}
+    assert {name: name in left for name in names} == names
+
+
+def test_the_cache_is_shown_and_cleared(
+    small: registration.Model, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert contents_of_cache().models == 0
+    prepared(small, 0.0, folder)
+    prepared(small, 1.0, folder)
+    (folder / "notes.txt").write_text("not of the cache")
+    assert run(["cache", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["folder"], told["models"], told["files"]) == (str(folder), 2, 2)
+    assert told["bytes"] == sum(path.stat().st_size for path in files(folder)) - len("not of the cache")
+    assert told["limit_bytes"] == 2**30
+    assert run(["cache", "--clear", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["models"], told["bytes"], told["removed_models"]) == (0, 0, 2)
+    assert [path.name for path in files(folder)] == ["notes.txt"]
+    prepared(small, 0.0, folder)
+    assert run(["cache", "clear"]) == 0
+    assert clear_cache().models == 0
+    assert run(["cache", "forget"]) == 2
+    assert "show or clear" in capsys.readouterr().err
