@@ -61,7 +61,7 @@ def write_report(
         If the folder cannot be written to.
     """
     target = Path(folder)
-    target.mkdir(parents=True, exist_ok=True)
+    target.mkdir(mode=0o700, parents=True, exist_ok=True)
     cloud = recording.cloud() if cloud is None else cloud
     points = int(cloud.has_range.sum())
     if registered is not None and (count := len(registered.registration.residuals)) != points:

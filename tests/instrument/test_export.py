@@ -14,6 +14,7 @@ import pytest
 
 from picoradar.drivers.traces import CodeScale, Trace
 from picoradar.instrument.files.export import ExportError, export
+from picoradar.instrument.files.export.safely import write_safely
 from picoradar.instrument.files.points import read_points
 from picoradar.instrument.line import Flag, ScanLine
 from picoradar.instrument.recording import Recording, RecordingError
@@ -70,6 +71,39 @@ def test_points_come_back_to_the_last_bit(recording: Recording, tmp_path: Path, 
     assert np.array_equal(found.response_mv, cloud.response_mv)
     assert found.grid is not None
     assert np.array_equal(found.grid, cloud.grid)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="modes of files are POSIX")
+@pytest.mark.parametrize("suffix", [".ply", ".csv", ".npz", ".h5", ".las", ".zarr"])
+def test_points_are_as_private_as_the_recording(recording: Recording, tmp_path: Path, suffix: str) -> None:
+    for module in {".h5": ["h5py"], ".las": ["laspy"], ".zarr": ["zarr"]}.get(suffix, []):
+        pytest.importorskip(module)
+    assert recording.path.stat().st_mode & 0o777 == 0o600
+    target = tmp_path / f"cloud{suffix}"
+    if suffix != ".zarr":
+        target.write_text("of an earlier version, for everybody")
+        target.chmod(0o666)
+    before = os.umask(0)
+    try:
+        export(recording, target)
+    finally:
+        os.umask(before)
+    written = [target, *target.rglob("*")]
+    assert {oct(path.stat().st_mode & 0o777) for path in written if path.is_file()} == {"0o600"}
+    assert {oct(path.stat().st_mode & 0o777) for path in written if path.is_dir()} <= {"0o700"}
+    assert not list(tmp_path.glob(".*"))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="modes of files are POSIX")
+def test_nobody_can_look_in_while_it_is_written(recording: Recording, tmp_path: Path) -> None:
+    seen = []
+
+    def write(path: Path) -> None:
+        path.write_text("a patient")
+        seen.append(path.parent.stat().st_mode & 0o777)
+
+    write_safely(tmp_path / "cloud.csv", write, lambda path: path.read_text() == "a patient")
+    assert seen == [0o700]
 
 
 def test_archive_carries_the_covariance(recording: Recording, tmp_path: Path) -> None:

@@ -117,7 +117,7 @@ def report_folder(out: Path | None) -> Path:
     """
     folder = out if out is not None else _free_name()
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
         raise BadInput(f"{folder}: the report folder cannot be made: {error}; give another one with --out") from error
     if (folder / "scan.db").exists():

@@ -87,7 +87,7 @@ def recording_path(out: Path | None, folder: Path | None) -> Path:
     if path.exists():
         raise BadInput(f"{path} exists already and will not be written over; give another name with -o")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
         raise BadInput(f"{path.parent}: the folder cannot be made: {error}; give another one") from error
     return path

@@ -29,5 +29,5 @@ def library(name: str, path: Path) -> ModuleType:
     except ImportError as error:
         remedy = "install it with: pip install 'picoradar[formats]'"
         raise ExportError(
-            f"{path}: {path.suffix} needs the library {name}, which is not installed; {remedy}"
+            f"{path.name}: {path.suffix} needs the library {name}, which is not installed; {remedy}"
         ) from error

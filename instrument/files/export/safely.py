@@ -1,4 +1,8 @@
-"""Write a file completely or not at all: temporary name beside it, fsync, read back, rename."""
+"""Write a file completely or not at all: private folder beside it, fsync, read back, rename.
+
+Points of a patient are as private as the recording that they come from: files of mode 0600, folders of 0700, whatever
+the umask says (docs/files.md). They are written in a folder that nobody else can enter, so that this holds throughout.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from picoradar.instrument.files.export.errors import ExportError
+
+PRIVATE_FILE, PRIVATE_FOLDER = 0o600, 0o700
+"""Modes (POSIX) of what holds points of a patient: its owner alone."""
 
 
 def write_safely(path: Path, write: Callable[[Path], None], holds: Callable[[Path], bool]) -> None:
@@ -33,9 +40,12 @@ def write_safely(path: Path, write: Callable[[Path], None], holds: Callable[[Pat
         raise ExportError(f"{path}: there is no folder {path.parent}; make it first")
     if path.is_dir() and not (path / "zarr.json").is_file():
         raise ExportError(f"{path}: is a folder; give the name of a file")
-    temporary = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
+    folder = path.with_name(f".{path.stem}.{secrets.token_hex(4)}")
+    temporary = folder / path.name
     try:
+        folder.mkdir(mode=PRIVATE_FOLDER)
         write(temporary)
+        _make_private(temporary)
         _sync(temporary)
         if not _reads_back(holds, temporary):
             raise ExportError(
@@ -48,10 +58,12 @@ def write_safely(path: Path, write: Callable[[Path], None], holds: Callable[[Pat
     except OSError as error:
         raise ExportError(f"{path}: cannot be written ({error.strerror or error}); nothing was changed") from error
     finally:
-        if temporary.is_dir():
-            shutil.rmtree(temporary)
-        else:
-            temporary.unlink(missing_ok=True)
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _make_private(path: Path) -> None:
+    for entry in [path, *path.rglob("*")] if path.is_dir() else [path]:
+        entry.chmod(PRIVATE_FOLDER if entry.is_dir() else PRIVATE_FILE)
 
 
 def _reads_back(holds: Callable[[Path], bool], temporary: Path) -> bool:
