@@ -57,6 +57,8 @@ class SerialWire:
         self.plugged = True
         self.host_open = False
         self._to_host = bytearray()
+        self._crossing = 0  # bytes on the line, both ways
+        self._hosts = 0  # how many have hung up; bytes of an earlier one are no longer on the line
         self._host_line_free = 0.0
         self._device_line_free = 0.0
         firmware.connect(self._send)
@@ -65,7 +67,7 @@ class SerialWire:
         """Take bytes from the host; the device gets them when the last one has crossed the line."""
         arrival = max(self.clock.now(), self._host_line_free) + 10 * len(data) / self.firmware.baud
         self._host_line_free = arrival
-        self.clock.call_at(arrival, partial(self._deliver, data))
+        self._put_on_line(arrival, data, self._deliver)
 
     def read(self, size: int, timeout_s: float | None) -> bytes:
         """Give the host up to ``size`` bytes; waits for them up to ``timeout_s`` (None: without limit)."""
@@ -84,6 +86,27 @@ class SerialWire:
         """Discard what the host has received and not read."""
         self._to_host.clear()
 
+    @property
+    def crossing(self) -> int:
+        """Get the number of bytes that are on the line, on their way to the device or to the host."""
+        return self._crossing
+
+    def hang_up(self) -> None:
+        """Drop what is on the line, both ways, and what the host has not read: the next host finds it free."""
+        self.discard()
+        self._hosts += 1
+        self._crossing = 0
+        self._host_line_free = self._device_line_free = 0.0
+
+    def _put_on_line(self, arrival: float, data: bytes, arrived: Callable[[bytes], None]) -> None:
+        self._crossing += len(data)
+        self.clock.call_at(arrival, partial(self._cross, self._hosts, data, arrived))
+
+    def _cross(self, host: int, data: bytes, arrived: Callable[[bytes], None]) -> None:
+        if host == self._hosts:
+            self._crossing -= len(data)
+            arrived(data)
+
     def _deliver(self, data: bytes) -> None:
         if self.plugged:
             self.firmware.receive(data)
@@ -93,7 +116,7 @@ class SerialWire:
         for at in range(0, len(data), self.piece_bytes):
             piece = data[at : at + self.piece_bytes]
             arrival += 10 * len(piece) / self.firmware.baud
-            self.clock.call_at(arrival, partial(self._arrive, piece))
+            self._put_on_line(arrival, piece, self._arrive)
         self._device_line_free = arrival
 
     def _arrive(self, data: bytes) -> None:

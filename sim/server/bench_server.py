@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Self, TypedDict
 
 from picoradar.sim.bench import SimulatedBench
 from picoradar.sim.server.event_loop import EventLoop
+from picoradar.sim.server.folder_lock import FolderLock
 from picoradar.sim.server.served_port import PortAddresses, ServedPort
 from picoradar.sim.server.usb_server import UsbServer
 
@@ -31,11 +33,18 @@ class BenchServer:
     bench : SimulatedBench
         What to serve; its clock belongs to the server from now on.
     folder : Path
-        Folder in which the ptys get their names.
+        Folder in which the ptys get their names; it belongs to this server until `close`.
     speed : float
         Seconds of the bench per second of wall time.
     ptys : bool
         Whether to make ptys; Windows has none, only the TCP ports.
+
+    Raises
+    ------
+    FolderInUse
+        When a server that is alive has that folder.
+    OSError
+        When a port, a terminal or its name cannot be had.
 
     Attributes
     ----------
@@ -46,11 +55,18 @@ class BenchServer:
     def __init__(
         self, bench: SimulatedBench, folder: Path, *, speed: float = 1.0, ptys: bool = os.name == "posix"
     ) -> None:
-        self.loop = EventLoop(bench.clock, speed)
-        self.ports = {
-            name: ServedPort(wire, self.loop, folder / name if ptys else None) for name, wire in bench.wires.items()
-        }
-        self._usb = UsbServer(bench.usb_backend, self.loop)
+        with ExitStack() as undo:  # in the order of use backwards, here when something cannot be had, else in `close`
+            lock = FolderLock(folder)
+            undo.callback(lock.release)
+            self.loop = EventLoop(bench.clock, speed)
+            undo.callback(self.loop.close)
+            self.ports: dict[str, ServedPort] = {}
+            for name, wire in bench.wires.items():
+                self.ports[name] = ServedPort(wire, self.loop, folder / name if ptys else None)
+                undo.callback(self.ports[name].close)
+            self._usb = UsbServer(bench.usb_backend, self.loop)
+            undo.callback(self._usb.close)
+            self._undo = undo.pop_all()
 
     def addresses(self) -> Addresses:
         """Get where hosts find the devices: ``serial`` by name, and ``usb`` (``backend`` and ``address``)."""
@@ -65,11 +81,8 @@ class BenchServer:
             self.loop.turn()
 
     def close(self) -> None:
-        """Take all ports away."""
-        self._usb.close()
-        for port in self.ports.values():
-            port.close()
-        self.loop.close()
+        """Take all ports and their names away, and give the folder up."""
+        self._undo.close()
 
     def __enter__(self) -> Self:
         return self

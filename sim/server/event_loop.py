@@ -59,6 +59,10 @@ class EventLoop:
         """Call ``pump`` in every turn, after the clock has moved."""
         self._pumps.append(pump)
 
+    def no_more(self, pump: Callable[[], None]) -> None:
+        """Call ``pump`` no longer."""
+        self._pumps.remove(pump)
+
     def turn(self) -> None:
         """Wait until bytes come or a timer is due (`POLL_S` at the most), and run what is due."""
         self._forgive_lag(STEP_S)
@@ -67,8 +71,9 @@ class EventLoop:
         self._forgive_lag(idle_s * self.speed + STEP_S)
         self.clock.advance_to(max(self._due_s(), self.clock.now()))
         for key, _ in came:
-            key.data()
-        for pump in self._pumps:
+            if self._selector.get_map().get(key.fd) is key:  # another callback may have closed it
+                key.data()
+        for pump in list(self._pumps):
             pump()
 
     def catch_up(self) -> None:

@@ -15,7 +15,7 @@ import termios
 import tty
 from pathlib import Path
 
-CHUNK = 4096
+CHUNK = 1024
 _TCGETS2 = 0x802C542A  # Linux: termios2, which holds baud rates that have no name
 _TERMIOS2 = struct.Struct("4I20B2I")
 _NAMED_BAUDS = {getattr(termios, name): int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdigit()}
@@ -35,6 +35,7 @@ class PtyEnd:
     def __init__(self, name: Path, baud: int) -> None:
         self.name = name
         self._baud = baud
+        self._terminal = ""  # what our name leads to
         self._master = self._slave = -1
         self.plug()
 
@@ -43,17 +44,31 @@ class PtyEnd:
         return self._master
 
     def plug(self) -> None:
-        """Make the terminal and put its name in place, in one step."""
+        """Make the terminal and put its name in place, in one step.
+
+        Raises
+        ------
+        OSError
+            When there is no terminal to be had, or the name cannot be made.
+        """
         self._master, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        settings = termios.tcgetattr(self._slave)
-        settings[4] = settings[5] = getattr(termios, f"B{self._baud}", settings[5])
-        termios.tcsetattr(self._slave, termios.TCSANOW, settings)
-        os.set_blocking(self._master, False)
-        # The slave stays open on our side: else reading ends with an error whenever no host has it open.
-        new = self.name.with_name(self.name.name + ".new")
-        new.symlink_to(os.ttyname(self._slave))
-        new.replace(self.name)
+        try:
+            tty.setraw(self._slave)
+            settings = termios.tcgetattr(self._slave)
+            settings[4] = settings[5] = getattr(termios, f"B{self._baud}", settings[5])
+            termios.tcsetattr(self._slave, termios.TCSANOW, settings)
+            os.set_blocking(self._master, False)
+            # The slave stays open on our side: else reading ends with an error whenever no host has it open.
+            self._terminal = os.ttyname(self._slave)
+            if self.name.exists() and not self.name.is_symlink():
+                raise FileExistsError(f"{self.name} is there already, and no name of a terminal")
+            new = self.name.with_name(self.name.name + ".new")
+            new.unlink(missing_ok=True)  # of a server that was killed at this very place
+            new.symlink_to(self._terminal)
+            new.replace(self.name)
+        except OSError:
+            self.pull()
+            raise
 
     def pull(self) -> None:
         """Pull the cable: a waiting host gets its error at once; the name stays and leads nowhere."""
@@ -62,8 +77,10 @@ class PtyEnd:
         self._master = self._slave = -1
 
     def close(self) -> None:
-        """Take the name away, after a `pull`."""
-        self.name.unlink(missing_ok=True)
+        """Take the name away, after a `pull`, if it is still ours."""
+        with contextlib.suppress(OSError):
+            if os.readlink(self.name) == self._terminal:
+                self.name.unlink()
 
     def read(self) -> bytes:
         """Take what the host has written."""
@@ -78,7 +95,7 @@ class PtyEnd:
             os.write(self._master, data)
 
     def baud(self) -> float:
-        """Get the baud rate that the host has set."""
+        """Get the baud rate that the host has set; 0 when it has hung up."""
         speed = termios.tcgetattr(self._master)[5]
         if speed in _NAMED_BAUDS:
             return _NAMED_BAUDS[speed]

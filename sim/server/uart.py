@@ -16,7 +16,7 @@ def heard(data: bytes, *, sent_baud: float, read_baud: float) -> bytes:
     data : bytes
         Sent one after the other, with no gaps; the line is idle (high) before and after.
     sent_baud, read_baud : float
-        Bits per second of sender and receiver, positive.
+        Bits per second of sender and receiver; 0 is a port that is hung up, which neither sends nor hears.
 
     Returns
     -------
@@ -25,6 +25,8 @@ def heard(data: bytes, *, sent_baud: float, read_baud: float) -> bytes:
     """
     if sent_baud == read_baud:
         return data
+    if not (sent_baud > 0 and read_baud > 0):
+        return b""
     line = [bit for byte in data for bit in (0, *(byte >> i & 1 for i in range(8)), 1)]
     step = sent_baud / read_baud  # sender's bits in one of the receiver's
     received = bytearray()

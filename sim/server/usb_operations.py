@@ -68,5 +68,7 @@ def control(backend: SimUsbBackend, handle: UsbHandle, args: list[int], data: by
 
 
 def refused(question: Header) -> Answer:
-    """Refuse an invalid question."""
-    raise errors.not_supported(f"the question {question}")
+    """Refuse an invalid question; its values may be of any kind, size and depth, so only their names are repeated."""
+    op = question.get("op")
+    named = f"the operation {op[:40]!r}" if isinstance(op, str) else "a question without an operation"
+    raise errors.not_supported(f"{named}, with {', '.join(sorted(question))[:80]}")

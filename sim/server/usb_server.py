@@ -10,6 +10,7 @@ from dataclasses import asdict
 import usb.core
 
 from picoradar.sim.server.event_loop import EventLoop
+from picoradar.sim.server.listener import LOOPBACK, Listener
 from picoradar.sim.server.usb_operations import Answer, are_arguments, control, read, refused, writer
 from picoradar.sim.usb import (
     BadFrame,
@@ -22,7 +23,6 @@ from picoradar.sim.usb import (
     take_frame,
 )
 
-LOOPBACK = "127.0.0.1"
 SEND_LIMIT_S = 1.0  # a host that does not accept its answer within this time is dropped
 
 
@@ -43,21 +43,20 @@ class UsbServer:
         self.handles: dict[int, UsbHandle] = {}
         self.numbers = itertools.count(1)
         self._hosts: list[_Host] = []
-        self._listener = socket.create_server((LOOPBACK, 0))
-        loop.watch(self._listener, self._accept)
+        self._listener = Listener(loop, self._accept)
         loop.every_turn(self._go_on)
 
     @property
     def address(self) -> str:
         """Get the argument of `picoradar.sim.usb.forward.backend`."""
-        return f"{LOOPBACK}:{self._listener.getsockname()[1]}"
+        return f"{LOOPBACK}:{self._listener.port}"
 
     def close(self) -> None:
         """Drop all hosts and listen no more."""
         for host in list(self._hosts):
             self.drop(host)
-        self.loop.forget(self._listener)
         self._listener.close()
+        self.loop.no_more(self._go_on)
 
     def drop(self, host: _Host) -> None:
         """Forget a host; its handles and their claims end."""
@@ -82,10 +81,8 @@ class UsbServer:
                 return device
         raise errors.gone()
 
-    def _accept(self) -> None:
-        connection, _ = self._listener.accept()
+    def _accept(self, connection: socket.socket) -> None:
         connection.settimeout(SEND_LIMIT_S)
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._hosts.append(_Host(self, connection))
 
     def _go_on(self) -> None:
@@ -132,7 +129,8 @@ class _Host:
             question = take_frame(self._received) if came else None
         except (OSError, BadFrame):
             came, question = b"", None
-        if not came or (question is not None and self._pending is not None):  # one question at a time
+        waiting = question is not None and (self._pending is not None or self._received)
+        if not came or waiting:  # one question at a time: else they would pile up here unread
             self._server.drop(self)
         elif question is not None:
             self._pending = self._asked(*question)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import os
-import threading
 import time
 import tomllib
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -20,9 +18,6 @@ from picoradar.drivers.links import SerialLink
 from picoradar.instrument.bench.port_probe import Answer, identify_port
 from picoradar.sim.firmware.dg645 import Dg645Firmware
 from picoradar.sim.firmware.genesys import GenesysFirmware
-from picoradar.sim.ports import SerialFirmware, SerialWire
-from picoradar.sim.server.event_loop import EventLoop
-from picoradar.sim.server.served_port import ServedPort
 from picoradar.sim.wires import InterlockChain, TriggerLine
 
 GOLDEN = Path(__file__).parents[1] / "golden"
@@ -57,53 +52,6 @@ class Talker:
 
     def receive(self, data: bytes) -> None:
         self.heard += data
-
-
-class Served:
-    """A firmware behind its ports, served by a thread; `do` runs something in that thread."""
-
-    def __init__(self, make: Callable[[VirtualClock], SerialFirmware], folder: Path, speed: float) -> None:
-        clock = VirtualClock()
-        self.loop = EventLoop(clock, speed)
-        self.firmware = make(clock)
-        wire = SerialWire(self.firmware, clock)
-        self.port = ServedPort(wire, self.loop, folder / "port" if os.name == "posix" else None)
-        self._jobs: list[Callable[[], None]] = []
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run)
-        self._thread.start()
-
-    def url(self, kind: str) -> str:
-        return str(self.port.addresses[kind])
-
-    def do(self, job: Callable[[], None]) -> None:
-        done = threading.Event()
-        self._jobs.append(lambda: (job(), done.set()))
-        assert done.wait(5)
-
-    def close(self) -> None:
-        self._stop.set()
-        self._thread.join()
-        self.port.close()
-        self.loop.close()
-
-    def _run(self) -> None:
-        while not self._stop.is_set():
-            while self._jobs:
-                self._jobs.pop(0)()
-            self.loop.turn()
-
-
-@pytest.fixture
-def serve(tmp_path: Path) -> Iterator[Callable[..., Served]]:
-    with ExitStack() as stack:
-
-        def make(firmware: Callable[[VirtualClock], SerialFirmware] = dg645, speed: float = 20.0) -> Served:
-            served = Served(firmware, tmp_path, speed)
-            stack.callback(served.close)
-            return served
-
-        yield make
 
 
 def opened(url: str, **settings: object) -> serial.SerialBase:

@@ -7,11 +7,12 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -25,18 +26,23 @@ from picoradar.instrument.cli.main import run
 PICORADAR = [sys.executable, "-m", "picoradar.instrument.cli"]
 
 
+def started(*options: str, before: Callable[[], None] | None = None) -> tuple[subprocess.Popen[str], dict[str, Any]]:
+    command = [*PICORADAR, "sim", "--speed", "20", "--target", "plate", "--seed", "5", *options]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, preexec_fn=before)
+    assert process.stdout is not None
+    return process, json.loads(process.stdout.readline())
+
+
 @contextmanager
 def served(*options: str) -> Iterator[dict[str, Any]]:
-    command = [*PICORADAR, "sim", "--speed", "20", "--target", "plate", "--seed", "5", *options]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    process, told = started(*options)
     assert process.stdout is not None
-    told = json.loads(process.stdout.readline())
     yield told
     process.send_signal(signal.SIGTERM)
     assert process.wait(10) == 0
     assert process.stdout.read() == "", "nothing but the first line may be on stdout"
     process.stdout.close()
-    assert not Path(told["settings"]).exists()
+    assert "--out" in options or not Path(told["settings"]).exists()
 
 
 @pytest.fixture(scope="module")
@@ -177,3 +183,45 @@ def test_faults_show_at_the_served_ports(tmp_path: Path, capsys: pytest.CaptureF
         assert told["serial"]["tec"]["pty"] is None or not Path(told["serial"]["tec"]["pty"]).exists()
     devices = {d["name"]: d for d in json.loads(capsys.readouterr().out)["devices"]}
     assert {name for name, device in devices.items() if not device["ok"]} == {"tec", "helios"}
+
+
+def test_the_folder_of_a_live_bench_is_not_taken(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with served("--out", str(tmp_path)) as told:
+        names = sorted(tmp_path.iterdir())
+        text = Path(told["settings"]).read_text()
+        assert run(["sim", "--out", str(tmp_path)]) == 2
+        said = capsys.readouterr().err
+        assert "another picoradar sim (process " in said
+        assert "--out" in said
+        assert (sorted(tmp_path.iterdir()), Path(told["settings"]).read_text()) == (names, text)
+    assert {path.name for path in tmp_path.iterdir()} == {"settings.toml", "calibration.json"}
+
+
+def test_the_folder_of_a_bench_that_was_killed_is_taken_over(tmp_path: Path) -> None:
+    process, _ = started("--out", str(tmp_path))
+    process.kill()
+    process.communicate()
+    with served("--out", str(tmp_path)) as told, serial.serial_for_url(told["serial"]["dg645"]["socket"]) as port:
+        port.timeout = 2.0
+        port.write(b"*IDN?\n")
+        assert b"DG645" in port.read_until(b"\r\n")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="the limit is set in the way of POSIX")
+def test_a_bench_without_descriptors_goes_on_with_the_hosts_it_has(tmp_path: Path) -> None:
+    import resource
+
+    hard = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
+    process, told = started(before=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (40, hard)))
+    address, _, number = told["usb"]["address"].rpartition(":")
+    with serial.serial_for_url(told["serial"]["dg645"]["socket"], timeout=2.0) as port, ExitStack() as hosts:
+        for _ in range(60):
+            hosts.enter_context(socket.create_connection((address, int(number)), timeout=5))
+        port.write(b"*IDN?\n")
+        assert b"DG645" in port.read_until(b"\r\n")
+        hosts.close()
+        backend = importlib.import_module("picoradar.sim.usb.forward").backend(told["usb"]["address"])
+        assert backend.enumerate_devices()
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(10) == 0
+    process.communicate()

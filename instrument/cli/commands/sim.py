@@ -16,7 +16,8 @@ from picoradar.instrument.errors import BadInput
 
 if TYPE_CHECKING:
     from picoradar.instrument.settings import Settings
-    from picoradar.sim.server import Addresses
+    from picoradar.sim import SimulatedBench
+    from picoradar.sim.server import Addresses, BenchServer
 
 MAX_SPEED = 50.0  # above it the operating system is too slow for the host's heartbeat
 
@@ -45,7 +46,6 @@ def sim(
     """Serve the simulated bench on ptys, socket:// ports and forwarded USB; the first line of stdout is JSON."""
     from picoradar.instrument.cli.simulated import Simulated
     from picoradar.instrument.settings import to_toml
-    from picoradar.sim.server import BenchServer
 
     factor = served_speed(speed)
     wanted = options.scan_settings(settings, seed=seed, target=target, target_pose=target_pose, distance_mm=distance_mm)
@@ -57,7 +57,7 @@ def sim(
         _make_folder(folder)
         simulated = Simulated(wanted, None, faults)
         stack.callback(simulated.close)
-        server = stack.enter_context(BenchServer(simulated.bench, folder.resolve(), speed=factor))
+        server = stack.enter_context(_server(simulated.bench, folder.resolve(), factor))
         addresses = server.addresses()
         path = folder.resolve() / "settings.toml"
         path.write_text(to_toml(host_settings(wanted, addresses, factor, folder.resolve())), encoding="utf-8")
@@ -107,6 +107,17 @@ def host_settings(settings: Settings, addresses: Addresses, speed: float, folder
     return settings.model_copy(
         update={"bench": "devices", "links": links, "calibration": str(calibration), "simulation": {}}
     )
+
+
+def _server(bench: SimulatedBench, folder: Path, speed: float) -> BenchServer:
+    from picoradar.sim.server import BenchServer, FolderInUse
+
+    try:
+        return BenchServer(bench, folder, speed=speed)
+    except FolderInUse as error:
+        raise BadInput(f"{error}; end that one first, or give another folder with --out") from error
+    except OSError as error:
+        raise BadInput(f"{folder}: the bench cannot be served there: {error}; give another one with --out") from error
 
 
 def _make_folder(folder: Path) -> None:
