@@ -163,3 +163,19 @@ def test_the_built_wheel_works_and_carries_its_types(
     (laboratory / "program.py").write_text(USER_PROGRAM.replace("found: Registration", "found: int"))
     done = subprocess.run(typed, cwd=laboratory, capture_output=True, text=True, check=False)
     assert 'expression has type "Registration"' in done.stdout
+
+
+def test_no_part_of_libigl_with_another_licence_is_loaded() -> None:
+    program = """
+        import sys
+        from picoradar.registration import prepare_model
+        from picoradar.registration.model.curvature import *
+        import numpy, igl
+        corners = numpy.array([[0, 0, 0], [9, 0, 0], [0, 9, 0], [0, 0, 9.0]])
+        prepare_model(corners, numpy.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]))
+        print(sorted(name for name in sys.modules if name.startswith(("igl.copyleft", "igl.triangle"))))
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True, check=False, timeout=55
+    )
+    assert (done.stdout.strip(), done.returncode) == ("[]", 0), done.stderr

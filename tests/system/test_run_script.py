@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib.machinery
 import importlib.util
+import platform
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -81,6 +82,64 @@ def test_the_second_call_sets_nothing_up_until_the_needs_change(
     (script.HERE / "pyproject.toml").write_text("[project]\nname = 'other'\n")
     script.set_up()
     assert len(called) == 2 * first
+
+
+def locked_for(script: ModuleType, system: str) -> None:
+    lock = script.HERE / script.LOCK
+    lock.parent.mkdir(exist_ok=True)
+    lock.write_text(f"# Written by ./run lock; resolved for: {system}\nsix==1.17.0\n")
+
+
+def this_system() -> str:
+    version = f"{sys.version_info[0]}.{sys.version_info[1]}"
+    return f"{platform.python_implementation()} {version} {sys.platform} {platform.machine()}"
+
+
+def test_locked_versions_are_installed_with_their_hashes_checked(
+    script: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    locked_for(script, this_system())
+    call, called = half_made(script, "")
+    monkeypatch.setattr(script, "call", call)
+    monkeypatch.setattr(script, "call_and_read", lambda command, env: (call(command, env), ""))
+    script.set_up()
+    assert f"--require-hashes -r {script.HERE / script.LOCK}" in called[-2]
+    assert called[-1].endswith("--no-deps --no-build-isolation -e .")
+    assert "locked" not in capsys.readouterr().err
+    first = len(called)
+    locked_for(script, this_system() + " ")  # another lock
+    script.set_up()
+    assert len(called) == 2 * first
+
+
+@pytest.mark.parametrize("why", ["another system", "cannot be had"])
+def test_without_locked_versions_the_ranges_are_taken_and_that_is_said(
+    script: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], why: str
+) -> None:
+    locked_for(script, this_system() if why == "cannot be had" else "CPython 3.99 plan9 mips")
+    call, called = half_made(script, "")
+    monkeypatch.setattr(script, "call", call)
+    monkeypatch.setattr(script, "call_and_read", lambda _command, _env: (1, "ERROR: No matching distribution"))
+    script.set_up()
+    assert called[-1].endswith("-e .[dev]")
+    err = capsys.readouterr().err
+    assert "versions not locked" in err
+    assert why in err
+
+
+def test_a_package_that_is_not_the_locked_one_is_refused(
+    script: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    locked_for(script, this_system())
+    call, called = half_made(script, "")
+    words = "ERROR: THESE PACKAGES DO NOT MATCH THE HASHES FROM THE REQUIREMENTS FILE."
+    monkeypatch.setattr(script, "call", call)
+    monkeypatch.setattr(script, "call_and_read", lambda _command, _env: (1, words))
+    with pytest.raises(SystemExit):
+        script.set_up()
+    assert "find out why" in capsys.readouterr().err
+    assert not any(".[dev]" in line for line in called)
+    assert not script.VENV.exists()
 
 
 def test_an_old_python_is_told_what_to_install(

@@ -185,26 +185,24 @@ def test_faults_show_at_the_served_ports(tmp_path: Path, capsys: pytest.CaptureF
     assert {name for name, device in devices.items() if not device["ok"]} == {"tec", "helios"}
 
 
-def test_the_folder_of_a_live_bench_is_not_taken(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with served("--out", str(tmp_path)) as told:
-        names = sorted(tmp_path.iterdir())
-        text = Path(told["settings"]).read_text()
-        assert run(["sim", "--out", str(tmp_path)]) == 2
-        said = capsys.readouterr().err
-        assert "another picoradar sim (process " in said
-        assert "--out" in said
-        assert (sorted(tmp_path.iterdir()), Path(told["settings"]).read_text()) == (names, text)
-    assert {path.name for path in tmp_path.iterdir()} == {"settings.toml", "calibration.json"}
-
-
-def test_the_folder_of_a_bench_that_was_killed_is_taken_over(tmp_path: Path) -> None:
-    process, _ = started("--out", str(tmp_path))
+def test_the_folder_of_a_bench_is_taken_only_after_its_death(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    process, told = started("--out", str(tmp_path))
+    names = sorted(tmp_path.iterdir())
+    text = Path(told["settings"]).read_text()
+    assert run(["sim", "--out", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert f"another picoradar sim (process {process.pid}) serves there" in said
+    assert "--out" in said
+    assert (sorted(tmp_path.iterdir()), Path(told["settings"]).read_text()) == (names, text)
     process.kill()
     process.communicate()
     with served("--out", str(tmp_path)) as told, serial.serial_for_url(told["serial"]["dg645"]["socket"]) as port:
         port.timeout = 2.0
         port.write(b"*IDN?\n")
         assert b"DG645" in port.read_until(b"\r\n")
+    assert {path.name for path in tmp_path.iterdir()} == {"settings.toml", "calibration.json"}
 
 
 @pytest.mark.skipif(os.name != "posix", reason="the limit is set in the way of POSIX")
