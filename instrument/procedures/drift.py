@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from picoradar.instrument.procedures.station.certainty import too_coarse
 from picoradar.instrument.procedures.station.findings import lost_readings, refused
 from picoradar.instrument.procedures.station.outcome import Outcome, Plot, Readings
 from picoradar.instrument.procedures.station.stage import Placing
@@ -104,7 +105,8 @@ def _judged(bright: Groups, dark: Groups, reported_mm: float, interval_s: float)
     wander = float(bright.alone_mm.std(ddof=1))
     warm_s = warm_after(bright.times_s, bright.alone_mm)
     largest, alone = float(np.abs(error).max()), float(np.abs(bright.alone_mm).max())
-    passed = largest <= LIMIT_MM
+    coarse = too_coarse("the drift", standard, LIMIT_MM)
+    passed = largest <= LIMIT_MM and not coarse
     figures: dict[str, float | int | str | bool | None] = {
         "hours": float(bright.times_s[-1] / 3600),
         "largest_with_reference_mm": largest,
@@ -134,6 +136,7 @@ def _judged(bright: Groups, dark: Groups, reported_mm: float, interval_s: float)
             f"record, and by {alone:.2f} mm with the echo alone: that is why an attempt without it fails "
             "(section 2.5).",
             f"{warm} The reference in every record takes it out.",
+            *([coarse] if coarse else []),
         ],
         "Nothing to do." if passed else REMEDY,
         (f"{largest:.3f} mm", "largest change of the range with reference (at most 0.1 mm)"),

@@ -6,11 +6,17 @@ import datetime
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from picoradar.instrument.calibration import Calibration, ScannerErrors, Walk, differences, out_of_date
 from picoradar.instrument.procedures import PROCEDURES
 from picoradar.instrument.procedures.drift import allan_deviation, warm_after
 from picoradar.instrument.procedures.prism.body import distances, model_points
+from picoradar.instrument.procedures.station.certainty import (
+    largest_by_noise,
+    root_mean_square_by_noise,
+    too_coarse,
+)
 from picoradar.instrument.procedures.station.findings import lost_readings
 from picoradar.instrument.procedures.station.light import Light
 from picoradar.instrument.procedures.transmitter import measured
@@ -72,6 +78,25 @@ def test_lost_readings_are_said_in_words() -> None:
     assert lost_readings(80, 100, "the plate") == ""
     assert "50 of 100" in lost_readings(50, 100, "the plate")
     assert "lid is closed" in lost_readings(0, 100, "the plate")
+
+
+@pytest.mark.parametrize("count", [1, 11, 400])
+def test_the_largest_of_many_means_and_what_noise_alone_gives(count: int) -> None:
+    assert largest_by_noise(count) == pytest.approx(stats.norm.isf(0.01 / count / 2), rel=1e-9)
+    exceeded = 1 - (1 - 2 * stats.norm.sf(largest_by_noise(count))) ** count
+    assert exceeded == pytest.approx(0.01, rel=0.01)
+
+
+@pytest.mark.parametrize("count", [20, 49, 576])
+def test_the_residuals_of_a_plane_and_what_noise_alone_gives(count: int) -> None:
+    exact = (stats.chi2.isf(0.01, count - 3) / (count - 3)) ** 0.5
+    assert root_mean_square_by_noise(count, 3) == pytest.approx(exact, rel=0.002)
+
+
+def test_means_that_are_too_uncertain_for_a_limit_are_not_judged() -> None:
+    assert too_coarse("it", 0.025, 0.1) == ""
+    assert "Take 1.4 times as many" in too_coarse("it", 0.03, 0.1)  # (4 x 0.03 / 0.1) squared
+    assert "to judge it" in too_coarse("it", float("nan"), 0.1)
 
 
 def test_a_calibration_of_another_instrument_temperature_or_year_is_out_of_date() -> None:

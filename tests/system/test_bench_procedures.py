@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import json
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -33,12 +34,12 @@ DATE = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 ECHO_FROM_PS = 9000.0
 Small = Callable[[Station], Outcome]
 SMALL: dict[str, Small] = {
-    "gray-target": lambda s: gray_target.run(s, levels=12, readings=20),
+    "gray-target": lambda s: gray_target.run(s, levels=12, readings=80),
     "templates": lambda s: templates.run(s, levels=3, readings=30),
     "geometry": lambda s: geometry.run(s, points_a_side=7),
     "prism": lambda s: prism.run(s, thin=8),
-    "distance": lambda s: distance.run(s, readings=60, short=6),
-    "drift": lambda s: drift.run(s, hours=0.5, interval_s=180.0, readings=2),
+    "distance": lambda s: distance.run(s, readings=60, short=24),
+    "drift": lambda s: drift.run(s, hours=0.5, interval_s=180.0, readings=6),
     "scanner": lambda s: scanner.run(s, steps=10, repeats=8),
     "transmitter": lambda s: transmitter.run(s, volts=(270.0, 290.0), degc=(23.0,)),
 }
@@ -48,12 +49,13 @@ FEWER: dict[str, Small] = {  # enough to see that something else stands there
     "gray-target": lambda s: gray_target.run(s, levels=3, readings=10),
     "templates": lambda s: templates.run(s, levels=2, readings=10),
 }
+RIDGE_OFF = r"\b(19|20) mm off"  # the ridge is 20 mm before the middle; the spot sees its sides too
 RANGING = sorted(SMALL.keys() - {"scanner", "transmitter"})
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def bench() -> Iterator[Session]:
-    """A warm simulated bench for all tests of this file; each leaves the laser off."""
+    """A warm simulated bench; each test has its own, so that its noise does not depend on what ran before."""
     with session(override(Settings(), {"simulation": {"target": "plate"}}), None) as run:
         run.controller.warm_up()
         yield run
@@ -138,7 +140,6 @@ def test_the_working_point_of_the_transmitter_is_found(station: Station) -> None
     assert outcome.figures["working_drive_v"] == 290.0
     assert float(outcome.figures["fwhm_ps"] or 0) == pytest.approx(44, abs=1.5)
     assert station.controller.settings.pulser.drive_v == station.settings.pulser.drive_v
-    station.controller.warm_up()
 
 
 def test_the_calibration_that_ships_fits_the_simulator(station: Station) -> None:
@@ -148,6 +149,66 @@ def test_the_calibration_that_ships_fits_the_simulator(station: Station) -> None
         for method, allowed in (("template", limit_mm), ("half-maximum", limit_mm + 0.15)):
             error = measured.reprocessed(method, station.calibration).with_range().range_mm - reported_mm
             assert abs(float(error.mean())) < allowed, (gray, method)
+
+
+# ---- what noise allows to judge
+
+
+@pytest.mark.parametrize(
+    "few",
+    [
+        pytest.param(lambda s: distance.run(s, readings=20, short=6), marks=pytest.mark.slow),
+        lambda s: drift.run(s, hours=0.05, interval_s=18.0, readings=2),
+        lambda s: gray_target.run(s, levels=5, readings=20),
+    ],
+    ids=["distance", "drift", "gray-target"],
+)
+def test_readings_that_are_too_few_end_without_a_verdict(station: Station, few: Small) -> None:
+    outcome = few(station)
+    assert not outcome.passed
+    assert any(re.search(r"too few to judge .* Take [\d.]+ times as many", f) for f in outcome.findings), (
+        outcome.findings
+    )
+
+
+def test_a_mean_that_is_off_is_named_with_its_limit(bench: Session, tmp_path: Path) -> None:
+    bench.calibration = bench.calibration.model_copy(
+        update={"range_zero_mm": bench.calibration.range_zero_mm + 0.6, "geometry": None}
+    )
+    assert bench.simulated is not None
+    outcome = SMALL["distance"](make_station(bench, SimulatedStage(bench.simulated), tmp_path))
+    assert not outcome.passed
+    found = [
+        re.search(r"template estimator the mean at .* is \+(0\.\d\d) mm off; 0\.3 mm", f) for f in outcome.findings
+    ]
+    off = [float(match[1]) for match in found if match]
+    assert off == [pytest.approx(0.6, abs=0.1)]
+
+
+def test_a_card_held_back_that_is_off_is_named_with_its_limit(bench: Session, tmp_path: Path) -> None:
+    assert bench.simulated is not None
+    stage = EverySecond(SimulatedStage(bench.simulated), off_mm=1.0)
+    outcome = gray_target.run(make_station(bench, stage, tmp_path), levels=5, readings=50)
+    assert not outcome.passed
+    words = r"By the template estimator a card from 25 to 65 mV is wrong by (\d\.\d+) mm; allowed are 0\.050 mm"
+    found = [match[1] for f in outcome.findings if (match := re.search(words, f))]
+    assert [float(one) for one in found] == [pytest.approx(1.0, abs=0.25)]  # five cards leave 0.15 mm of the walk
+
+
+class EverySecond:
+    """Reports every second body at a place that is off by so much."""
+
+    reads_at_once = True
+
+    def __init__(self, stage: SimulatedStage, *, off_mm: float) -> None:
+        self._stage, self._off_mm, self._placed = stage, off_mm, 0
+
+    def place(self, wanted: Placing) -> float:
+        self._placed += 1
+        return self._stage.place(wanted) + (self._off_mm if self._placed % 2 == 0 else 0.0)
+
+    def read_scale(self) -> tuple[float, float]:
+        return self._stage.read_scale()
 
 
 # ---- a bench that is not as asked for
@@ -241,9 +302,9 @@ def test_a_target_out_of_range_ends_with_a_finding(bench: Session, tmp_path: Pat
         ("geometry", "prism", None, "no range"),  # it fills a tenth of the scan
         ("geometry", "plate", 850.0, "was found at 850"),
         ("prism", "plate", None, "another body"),
-        ("distance", "prism", None, "20 mm off"),
+        ("distance", "prism", None, RIDGE_OFF),
         ("distance", "plate", 950.0, "50 mm off"),
-        ("drift", "prism", None, "20 mm off"),
+        ("drift", "prism", None, RIDGE_OFF),
         ("drift", "plate", None, "not darker"),
         ("scanner", "plate", 1900.0, "does not follow the beam"),
     ],
@@ -271,13 +332,12 @@ def test_a_scale_that_cannot_be_read_ends_with_a_finding(bench: Session, tmp_pat
 def test_meters_without_light_end_with_a_finding(station: Station, faults: dict[str, int]) -> None:
     station.meters = WrongMeters(station.meters, **faults)
     refused(SMALL["transmitter"](station), "No light")
-    station.controller.warm_up()
 
 
 def refused(outcome: Outcome, words: str) -> None:
     assert not outcome.passed
     assert outcome.calibration is None
-    assert any(words in finding for finding in outcome.findings), outcome.findings
+    assert any(re.search(words, finding) for finding in outcome.findings), outcome.findings
     assert outcome.next_step
 
 

@@ -22,12 +22,14 @@ from picoradar.instrument.procedures.geometry.planes import (
     points,
     values_of,
 )
+from picoradar.instrument.procedures.station.certainty import root_mean_square_by_noise
 from picoradar.instrument.procedures.station.outcome import Outcome, Plot, Readings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-RATIO_LIMIT = 1.1  # error of the points of a flat plate over the ranging noise
+RATIO_LIMIT = 1.1  # error of the points of a flat plate over the ranging noise, or what noise gives where they are few
+PLANE_UNKNOWNS = 3
 CUT = 4.0
 
 
@@ -58,10 +60,11 @@ def describe(
     for parameter, value, sd, known in zip(PARAMETERS, fit.values, fit.sd, fit.identified, strict=True):
         figures[parameter] = float(value) if known else None
         figures[f"{parameter}_sd"] = float(sd) if known else None
-    passed = ratio <= RATIO_LIMIT
+    limit = max(RATIO_LIMIT, root_mean_square_by_noise(len(new[0]), PLANE_UNKNOWNS))
+    passed = ratio <= limit
     findings = [
         f"On a pose of the plate that the fit has not seen, the points lie {ratio:.2f} times the ranging noise "
-        f"off their plane (before: {ratio_before:.2f} times).",
+        f"off their plane (before: {ratio_before:.2f} times; at most {limit:.2f}).",
         *_parameters(fit),
         f"Best pose to add: {pose}; it would take {_gain(fit, sd_with_it)}.",
     ]
@@ -71,7 +74,7 @@ def describe(
         passed,
         findings,
         use if passed else f"Clean and check the plate, run gray-target, then this again; add the pose {pose}.",
-        (f"{ratio:.2f}", "error of the plate's points over the ranging noise (at most 1.1)"),
+        (f"{ratio:.2f}", f"error of the plate's points over the ranging noise (at most {limit:.2f})"),
         figures,
         [
             Plot(

@@ -9,6 +9,7 @@ import numpy as np
 
 from picoradar.instrument.calibration import METHODS, Calibration
 from picoradar.instrument.procedures.gray_target.level import FloatArray, Level
+from picoradar.instrument.procedures.station.certainty import COARSE, largest_by_noise, too_coarse
 from picoradar.instrument.procedures.station.outcome import Outcome, Plot, Readings
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 WEAK_MV, STRONG_MV, BRIGHT_MV = 15.0, 25.0, 65.0
 BIAS_LIMIT_MM, WEAK_BIAS_LIMIT_MM = 0.05, 0.10
 BANDS = {"25_to_65_mv": (STRONG_MV, BIAS_LIMIT_MM), "15_to_65_mv": (WEAK_MV, WEAK_BIAS_LIMIT_MM)}
-SURE = 2.0  # standard errors beyond a limit before a mean counts as beyond it
+NOISY = 1.0  # least limit over standard error of a half-maximum mean: its noise, not its limit, decides below that
 COLOURS = ("tab:orange", "tab:blue")
 OF_LEVEL = ("response_mv", "error_before_mm", "error_after_mm", "single_reading_sd_mm", "standard_error_mm")
 COLUMNS = (
@@ -31,15 +32,15 @@ def judged(name: str, measured: Sequence[Level], after: Calibration, remedy: str
     """Judge a calibration on every second card, which it has not seen.
 
     The template estimator must keep the limits as measured. The half-maximum estimator is noisier by far than the
-    limits; it fails only where a mean is beyond its limit by more than two standard errors.
+    limits: where that is more than a limit, its largest mean may be what noise of card and correction alone gives.
     """
     table = _table(measured, after)
     held = table[table[:, 1] == 1]
     figures: dict[str, float | int | str | bool | None] = {"range_zero_mm": after.range_zero_mm}
-    passed = True
+    broken: list[str] = []
     for number, method in enumerate(METHODS):
         response, before, error, single, standard = held[:, 2 + 5 * number : 7 + 5 * number].T
-        allowance = 0.0 if method == "template" else SURE
+        both = np.hypot(standard, after.walk[method].at(response).sd_mm)
         title = method.replace("-", "_")
         for band, (least_mv, limit_mm) in BANDS.items():
             inside = (response >= least_mv) & (response <= BRIGHT_MV)
@@ -47,16 +48,19 @@ def judged(name: str, measured: Sequence[Level], after: Calibration, remedy: str
             figures[f"{title}_standard_error_{band}_mm"] = _largest(standard[inside])
             figures[f"{title}_single_reading_sd_{band}_mm"] = _largest(single[inside])
             figures[f"{title}_uncorrected_{band}_mm"] = _largest(before[inside])
-            beyond_mm = np.abs(error) - allowance * standard - limit_mm
-            passed &= bool(inside.any()) and bool(np.all(beyond_mm <= 0, where=inside))
+            allowed = np.full(int(inside.sum()), limit_mm)
+            if method != "template":
+                allowed = np.maximum(limit_mm, largest_by_noise(allowed.size) * both[inside])
+            least = COARSE if method == "template" else NOISY
+            broken += _broken(method, band, np.abs(error[inside]), standard[inside], allowed, least=least)
     worst = figures["template_bias_15_to_65_mv_mm"]
     shown = "no card" if worst is None else f"{worst:.3f} mm"
     findings = [
         f"On {len(held)} cards that the calibration has not seen, the template estimator is wrong by at most {shown} "
         f"from {WEAK_MV:g} to {BRIGHT_MV:g} mV. Uncorrected, a card of 15 mV would come out several mm too far."
     ]
-    if worst is None:
-        findings.append("No card held back lies between 15 and 65 mV: take whiter cards or stand them elsewhere.")
+    findings += dict.fromkeys(broken)
+    passed = not broken
     return Outcome(
         name,
         passed,
@@ -71,6 +75,23 @@ def judged(name: str, measured: Sequence[Level], after: Calibration, remedy: str
         {"levels": Readings(COLUMNS, table)},
         after,
     )
+
+
+def _broken(
+    method: str, band: str, error_mm: FloatArray, standard_mm: FloatArray, allowed_mm: FloatArray, *, least: float
+) -> list[str]:
+    """Say why the means (mm) of the cards in a band do not pass: no card, too uncertain, or beyond what is allowed."""
+    least_mv, limit_mm = BANDS[band]
+    where = f"from {least_mv:g} to {BRIGHT_MV:g} mV"
+    if not error_mm.size:
+        return [f"No card held back lies {where}: take whiter cards or stand them elsewhere."]
+    if coarse := too_coarse(f"the {method} estimator {where}", float(standard_mm.max()), limit_mm, least=least):
+        return [coarse]
+    at = int(np.argmax(error_mm - allowed_mm))
+    if error_mm[at] <= allowed_mm[at]:
+        return []
+    words = f"By the {method} estimator a card {where} is wrong by {error_mm[at]:.3f} mm"
+    return [f"{words}; allowed are {allowed_mm[at]:.3f} mm."]
 
 
 _WALK = (
