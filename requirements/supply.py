@@ -86,7 +86,11 @@ def lock():
         if code or not text:
             return code or 3
         head = f"# Written by ./run lock; resolved for: {system} {platform.machine()}\n"
-        path.write_text(head + text, encoding="utf-8")
+        # The project itself is named too, by its folder, because its extra "dev" takes in another one.
+        kept = [
+            line for line in text.splitlines(keepends=True) if not line.startswith(("picoradar @", "# WARN", "# Cons"))
+        ]
+        path.write_text(head + "".join(kept), encoding="utf-8")
     return 0
 
 

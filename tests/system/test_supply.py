@@ -44,6 +44,7 @@ def test_the_locks_name_no_address_and_no_folder(name: str) -> None:
     lines = (ROOT / "requirements" / name).read_text(encoding="utf-8").splitlines()
     assert lines[0].startswith("# Written by ./run lock; resolved for: CPython 3.")
     for line in lines[1:]:
+        assert "://" not in line, line
         assert re.fullmatch(r"#.*|\s*|[\w.-]+==[^/@]+\\|    --hash=sha256:[0-9a-f]{64}( \\)?", line), line
 
 
