@@ -99,6 +99,7 @@ def test_the_last_of_several_crossings_scatters_less(rise_sigmas: float) -> None
     single = ((1 - share) ** 2 + share**2) / rise_sigmas**2
     factor = np.mean((error - error.mean()) ** 2 / single)
     assert np.interp(rise_sigmas, *LAST_CROSSING) == pytest.approx(factor, rel=0.03)
+    assert (np.diff(LAST_CROSSING, axis=1) > 0.0).all(), "or there is no interpolation"
 
 
 def test_the_walk_correction_and_the_range_zero_are_applied() -> None:

@@ -110,7 +110,7 @@ def test_without_a_crossing_there_is_no_time(trace: np.ndarray, *, found: bool) 
         assert math.isnan(own[name]), name
 
 
-@pytest.mark.parametrize(("edge_ps", "crossed"), [(740.0, True), (770.0, False)])
+@pytest.mark.parametrize(("edge_ps", "crossed"), [(740.0, True), (750.0, False)])
 def test_an_edge_is_looked_for_over_750_ps(edge_ps: float, *, crossed: bool) -> None:
     """Back from the middle sample of the coarse peak's bin."""
     middle_ps = TIMES[20 * 5 + 2]
@@ -143,12 +143,14 @@ def vertex_variance(about_ps: np.ndarray) -> float:
     return float(np.linalg.inv(design.T @ design)[0, 0])
 
 
-def test_a_trace_of_fine_steps_is_fitted_as_a_whole() -> None:
-    times = 6500.0 + np.arange(65.0)
+@pytest.mark.parametrize("samples", [65, 66])
+def test_a_trace_of_fine_steps_is_fitted_as_a_whole(samples: int) -> None:
+    """All samples about the middle one; of an even number the one farthest from peak or edge is left out."""
+    times = 6500.0 + np.arange(float(samples))
     found = edge_of(open_parabola(times, 6540.0, 40.0), times, 40)
     assert found["height_mv"] == pytest.approx(HEIGHT_MV)
-    assert found["height_variance_mv2"] == pytest.approx(vertex_variance(times - 6540.0))
-    slope = 2 * HEIGHT_MV * (6540.0 - times[32]) / 40.0**2  # in the middle of the trace
+    assert found["height_variance_mv2"] == pytest.approx(vertex_variance(times[-65:] - 6540.0))
+    slope = 2 * HEIGHT_MV * (6540.0 - times[32]) / 40.0**2  # in the middle of the first 65
     assert found["baseline_ps_per_mv"] == pytest.approx(0.5 / slope)
 
 
@@ -177,6 +179,24 @@ def test_steps_of_a_third_of_the_edge_are_fitted_with_seven_samples(step_ps: flo
     times = 6500.0 + step_ps * np.arange(100)
     found = edge_of(open_parabola(times, times[50], 300.0), times, 50)
     assert found["height_variance_mv2"] == pytest.approx(vertex_variance(step_ps * np.arange(-3.0, 4.0)))
+
+
+def test_an_edge_of_one_coarse_step_is_a_crossing_with_the_slope_of_five_samples() -> None:
+    """Just before the peak's own sample: steps of 100 ps are wider than the piece that is fitted."""
+    times = 6500.0 + 100.0 * np.arange(40)
+    trace = BASE_MV + np.zeros(40)
+    trace[20:23] += [40.0, 38.0, 16.0]
+    found = edge_of(trace, times, 20)
+    assert times[19] < found["time_ps"] < times[20]
+    slope = (8 * 40.0 - 38.0) / (12 * 100.0)  # of the cubic through samples 17 to 21
+    assert found["baseline_ps_per_mv"] == pytest.approx(0.5 / slope)
+
+
+def test_the_peak_is_looked_for_within_two_half_widths_of_the_coarse_one() -> None:
+    """Each of two parabolas may move by 80 ps."""
+    found = numbers(edges(parabola(), 16))
+    start = TIMES[16 * 5 + 2]
+    assert found["height_mv"] == pytest.approx(HEIGHT_MV * (1 - ((PEAK_PS - start - 160.0) / HALF_WIDTH_PS) ** 2))
 
 
 def one(**values: float) -> Any:

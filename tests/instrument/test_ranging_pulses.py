@@ -50,6 +50,24 @@ def test_with_too_little_before_the_pulse_the_baseline_is_the_median(
     assert found.baseline_variance_mv2[0] == pytest.approx(0.08 / samples)
 
 
+@pytest.mark.parametrize(("bump_mv", "baseline_mv"), [(2.0, 0.5), (2.1, 0.0)])
+def test_a_bin_of_just_the_significant_step_is_no_pulse(bump_mv: float, baseline_mv: float) -> None:
+    """The level before it is the baseline only when it is one; else the median, here that of what comes after."""
+    values = np.full(100, 0.5)
+    values[:40], values[40] = 0.0, 0.5 + bump_mv
+    found = coarse_traces(np.repeat(values, 4)[None], STEP_PS, SETTINGS)
+    assert found.step_mv[0] == SETTINGS.min_response_mv
+    assert found.baseline_mv[0] == pytest.approx(baseline_mv)
+
+
+def test_the_noise_of_a_single_quiet_bin_is_its_own() -> None:
+    """A staircase of 30 mV, with bins of 16 samples: only the middle step is the median, and it holds one jump."""
+    stairs = np.repeat(30.0 * np.arange(9), 16)
+    found = coarse_traces(stairs[None], BIN_PS / 16, SETTINGS)
+    assert found.width == 16
+    assert found.noise_mv[0] == pytest.approx(math.sqrt(30.0**2 / (2 * 16)))
+
+
 def test_a_bin_is_a_sample_at_least_and_an_eighth_of_the_trace_at_most() -> None:
     assert coarse_traces(np.zeros((1, 80)), 200.0, SETTINGS).width == 1
     assert coarse_traces(np.zeros((1, 80)), 1.0, SETTINGS).width == 10
@@ -124,6 +142,12 @@ def test_the_next_pulse_is_looked_for_after_the_end_of_the_first() -> None:
     third = next_pulse(coarse(row), SETTINGS, second)
     assert not third.found[0]
     assert not next_pulse(coarse(row), SETTINGS, replace(first, found=np.array([False]))).found[0]
+
+
+@pytest.mark.parametrize(("height_mv", "found"), [(6.0, False), (6.1, True)])
+def test_a_rise_of_just_the_step_above_a_valley_is_no_pulse(height_mv: float, *, found: bool) -> None:
+    row = coarse([0.0, 0.0, 3.0, 10.0, 8.0, 4.0, height_mv, 4.0])
+    assert bool(next_pulse(row, SETTINGS, next_pulse(row, SETTINGS)).found[0]) == found
 
 
 @pytest.mark.parametrize(

@@ -74,6 +74,7 @@ def test_quantiles_of_one_and_three_equal_directions_are_exact() -> None:
     assert quantile_mm(np.diag([4.0, 0.0, 0.0])) == pytest.approx(2 * 1.959964, rel=1e-6)
     assert quantile_mm(np.eye(3)) == pytest.approx(np.sqrt(7.814728), rel=1e-6)
     assert quantile_mm(np.eye(3), 0.5) == pytest.approx(np.sqrt(2.365974), rel=1e-6)
+    assert quantile_mm(1e-4 * np.eye(3)) == pytest.approx(0.01 * np.sqrt(7.814728), rel=1e-6)
     assert quantile_mm(np.zeros((3, 3))) == 0.0
 
 
@@ -96,6 +97,7 @@ CENTRE = np.array([1.0, 2.0, 3.0])
         ([0.2, 0.0, 0.0, 0.0, 0.0, 0.1], "turning about the axis (+1.00, +0.00, +0.00) through (1.0, -3.0, 3.0) mm"),
         ([0.0, 0.0, 1.0, 0.0, -0.5, 0.0], "turning about the axis (+0.00, +0.00, +1.00) through (6.0, 2.0, 3.0) mm"),
         ([0.0, 0.0, 0.5, 0.0, -0.5, 0.0], "turning about the axis (+0.00, +0.00, +1.00) through (11.0, 2.0, 3.0) mm"),
+        ([0.0, 0.0, 1.0, 0.0, 0.0, 0.2], "turning about the axis (+0.00, +0.00, +1.00) through (1.0, 2.0, 3.0) mm"),
         ([0.0, 0.0, 1.0, 0.0, 0.0, 0.19], "turning about the axis (+0.00, +0.00, +1.00) through (1.0, 2.0, 3.0) mm"),
     ],
 )
