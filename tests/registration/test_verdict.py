@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -94,6 +95,29 @@ def test_limits_follow_the_tolerance_that_is_asked_for() -> None:
     )
     loose = Tolerance(rotation_deg=5.0, target_mm=5.0)
     assert judge(replace(GOOD, rotation_sd_deg=2.0, targets=[target(4.0)]), loose, SETTINGS)[0] == "pass"
+
+
+@pytest.mark.parametrize(
+    ("change", "tolerance", "verdict"),
+    [
+        ({"misfit_mm": 0.24}, Tolerance(target_mm=0.5), "caution"),
+        ({"misfit_mm": 0.26}, Tolerance(target_mm=0.5), "fail"),
+        ({"rotation_sd_deg": 3.0}, Tolerance(rotation_deg=5.0), "caution"),
+        ({"rotation_sd_deg": 5.1}, Tolerance(rotation_deg=5.0), "fail"),
+        ({"rotation_sd_deg": 45.0}, Tolerance(rotation_deg=60.0), "caution"),
+        ({"rotation_sd_deg": 45.1}, Tolerance(rotation_deg=60.0), "fail"),  # free, however much is allowed
+    ],
+)
+def test_what_fails_follows_it_too(change: dict[str, Any], tolerance: Tolerance, verdict: str) -> None:
+    assert judge(replace(GOOD, **change), tolerance, SETTINGS)[0] == verdict
+
+
+@pytest.mark.parametrize(
+    ("targets", "words"),
+    [([target(0.2), target(0.3, 0.4), target(0.5)], "every target is under 0.70 mm"), ([], "is under 0.00 mm")],
+)
+def test_a_pass_names_the_worst_target(targets: list[Target], words: str) -> None:
+    assert words in judge(replace(GOOD, targets=targets), Tolerance(), SETTINGS)[1][0]
 
 
 def test_what_fails_is_said_before_what_cautions() -> None:
