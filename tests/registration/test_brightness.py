@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from picoradar import registration
+from picoradar.registration import RobustSettings
+from picoradar.registration.robust import brightness, register_robust
+from picoradar.registration.scan import Scan, checked_scan
+from picoradar.registration.solution import Solution
 
 
 def film_of_blood(scan: Any, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -54,6 +59,28 @@ def test_the_pose_comes_nearer_to_the_truth(given: list[dict[str, Any]]) -> None
     ]
     without, with_responses = np.sqrt(np.mean(np.square(errors), axis=0))
     assert with_responses < 0.5 * without
+
+
+def test_of_a_large_scan_three_thousand_bright_points_are_searched_with(
+    socket: registration.Model, scan_of: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """About: every second row and column; the last fit takes all."""
+    scan = checked_scan(scan_of(socket, 1, n=110).points)
+    solution = register_robust(scan, socket, None, None, np.zeros((0, 4)), RobustSettings())
+    response = np.where(np.arange(len(scan)) % 10, 40.0, 1.0)
+    searched: list[int] = []
+
+    def counted(points: Scan, *_: object) -> Solution:
+        searched.append(len(points))
+        return solution
+
+    monkeypatch.setattr(brightness, "register_near", counted)
+    found = brightness.without_dark_points(
+        replace(scan, response_mv=response), socket, solution, np.zeros((0, 4)), RobustSettings()
+    )
+    assert len(scan) > 8000
+    assert 2500 < searched[0] < 3500
+    assert found.inliers.sum() > 0.8 * len(scan)
 
 
 @pytest.mark.parametrize("response", ["even", "of no meaning"])
