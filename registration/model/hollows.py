@@ -127,7 +127,7 @@ def _likeliest(
         return None
     share = faces.areas[near] / faces.areas[near].sum()
     first, second = rng.choice(near, (2, settings.hypotheses), p=share)
-    centres, radii = _spheres_of_pairs(faces, first, second, settings.max_normals_apart_mm)
+    centres, radii = _spheres_of_pairs(faces, first, second)
     valid = np.linalg.norm(centres - centre, axis=1) < settings.max_change_mm
     valid &= np.abs(radii - radius) < settings.max_change_mm
     judged = rng.choice(near, settings.judged_points, p=share)
@@ -148,9 +148,7 @@ def _sphere_through(points: FloatArray, areas: FloatArray) -> tuple[FloatArray, 
     return centre, float(np.sqrt(max(x[3] + centre @ centre, SMALLEST_SQUARE_MM2)))
 
 
-def _spheres_of_pairs(
-    faces: _Faces, first: IntArray, second: IntArray, max_apart_mm: float
-) -> tuple[FloatArray, FloatArray]:
+def _spheres_of_pairs(faces: _Faces, first: IntArray, second: IntArray) -> tuple[FloatArray, FloatArray]:
     """Spheres (K,) through pairs of points, centred where their normals pass each other most closely."""
     points, normals = faces.middles, faces.normals
     n1, n2, between = normals[first], normals[second], points[second] - points[first]
@@ -159,7 +157,4 @@ def _spheres_of_pairs(
     sine2 = np.maximum(1.0 - cosine**2, SMALLEST_SINE2)
     s1, s2 = (along1 - cosine * along2) / sine2, (cosine * along1 - along2) / sine2
     centres = (points[first] + s1[:, None] * n1 + points[second] + s2[:, None] * n2) / 2.0
-    radii = (s1 + s2) / 2.0
-    bad = np.abs(s1 - s2) > max_apart_mm
-    radii[bad] = np.inf
-    return centres, radii
+    return centres, (s1 + s2) / 2.0

@@ -83,9 +83,6 @@ class HollowSettings:
     hypotheses: int = 400
     """Spheres tried about each peak."""
 
-    max_normals_apart_mm: float = 3.0
-    """The normals of two points on one sphere pass each other this closely."""
-
     max_change_mm: float = 8.0
     """A hypothesis may lie so far from its peak, in centre and in radius."""
 

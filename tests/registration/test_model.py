@@ -55,6 +55,22 @@ def test_the_shell_holds_only_what_the_scanner_can_see() -> None:
     assert (shell.face_normals[:, 2] > -0.1).all()
 
 
+@pytest.mark.parametrize(("cosine", "seen"), [(0.015, 1), (0.025, 2)])
+def test_faces_seen_flatter_than_a_fiftieth_return_no_echo(cosine: float, seen: int) -> None:
+    """A level plate, and one that stands so steep beside it."""
+    edge = np.array([1.0, 0.0, 0.0])
+    up = np.array([0.0, cosine, np.sqrt(1.0 - cosine**2)])
+    steep = np.array([edge * 9.0 + 30.0, edge * -9.0 + 30.0, up * 9.0 + 30.0])
+    level = np.array([[9.0, 0.0, 0.0], [-9.0, 9.0, 0.0], [-9.0, -9.0, 0.0]])
+    surface = Surface(np.concatenate([level, steep]), np.array([[0, 1, 2], [3, 4, 5]]))
+    sides = np.abs(surface.face_normals[:, 2])
+    np.testing.assert_allclose(sides, [1.0, cosine], atol=1e-9)
+    facing = Surface(
+        surface.vertices, np.where(surface.face_normals[:, 2:] > 0.0, surface.faces, surface.faces[:, ::-1])
+    )
+    assert len(visible_shell(facing, np.array([0.0, 0.0, 1.0]), 1e-6).faces) == seen
+
+
 @pytest.mark.parametrize(
     ("vertices", "faces", "message"),
     [
