@@ -164,10 +164,7 @@ class SerialLink(TranscribedLink):
                 return found
 
     def take_line(self, terminator: bytes) -> bytes | None:
-        """Take one line with its terminator if it has come, without waiting; None while it is under way.
-
-        Raises as `read_until`.
-        """
+        """Take one line with its terminator if it has come, without waiting; None while it is under way."""
         came = self.take_leftover()
         line, found, rest = came.partition(terminator)
         self._received += rest if found else came

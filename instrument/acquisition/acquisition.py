@@ -15,7 +15,7 @@ from picoradar.instrument.acquisition.line import to_scan_line
 from picoradar.instrument.acquisition.motion import MotionMonitor
 from picoradar.instrument.acquisition.plan import Plan
 from picoradar.instrument.acquisition.resumption import Resumption
-from picoradar.instrument.controller import Between, RunUp
+from picoradar.instrument.controller import Between
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import Flag, ScanLine
@@ -139,14 +139,20 @@ class Acquisition:
         """Take in the states that were recorded after the lines so far, by their numbers."""
         self._states.update(states)
 
-    def run_up(self, row: int) -> RunUp:
-        """Go back to before ``row``, unless the row before has just been taken; returns what to take again first."""
-        if row == self._row_before + 1:
-            return RunUp()
-        found = self._resumption.before(row)
-        if found.state:
-            self.load_state(dict(found.state))
-        return found
+    def goes_on_at(self, row: int) -> bool:
+        """Get whether the row before was not taken just now, so that the scan goes on here after a stop."""
+        return row != self._row_before + 1
+
+    def run_up(self, row: int) -> Sequence[int]:
+        """Get the rows to take again, and to drop, before a row at which the scan goes on."""
+        return self._resumption.rows_before(row)
+
+    def recall(self, row: int) -> JsonObject:
+        """Go back to what was known before a row; returns what was recorded then, empty when nothing is."""
+        state = self._resumption.state_before(row)
+        if state:
+            self.load_state(state)
+        return state
 
     def take_line(self, row: int, galvo: Galvo, sampler: Sampler, between: Between) -> ScanLine:
         """Take one line with the laser on.

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
-from picoradar.instrument.controller import RunUp
 from picoradar.instrument.events import JsonObject
 
 FORGOTTEN_AFTER = 4.0  # settling times of a fly-back: what was left of a motion after one is then below the last bit
@@ -32,11 +31,11 @@ class Resumption:
         self._states = states
         self._lines = max(1, math.ceil(FORGOTTEN_AFTER * settled_s / line_s))
 
-    def before(self, row: int) -> RunUp:
-        """Return the lines to take again before ``row``, and the state before them; none where that is not known."""
+    def rows_before(self, row: int) -> Sequence[int]:
+        """Return the lines to take again before ``row``; none where it is not known what was known before them."""
         first = max(0, row - self._lines)
-        if row == 0:
-            return RunUp((), self._states[-1])
-        if first - 1 in self._states:
-            return RunUp(range(first, row), self._states[first - 1])
-        return RunUp((), self._states.get(row - 1, {}))
+        return range(first, row) if all(again - 1 in self._states for again in range(first, row + 1)) else ()
+
+    def state_before(self, row: int) -> JsonObject:
+        """Return the state recorded after the line before ``row``; empty where there is none."""
+        return self._states.get(row - 1, {})

@@ -77,7 +77,7 @@ def _remember(job: Acquisition, recording: Recording) -> None:
     try:
         job.resume_from({line: states[line] for line in recording.done if line in states})
         for row in recording.missing:
-            job.run_up(row)
+            job.recall(row)
     except DECODER_ERRORS as error:
         recording.close()
         what = f"what a line knew of those before is damaged ({decoder_words(error)})"

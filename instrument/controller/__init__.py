@@ -2,7 +2,7 @@
 
 from picoradar.instrument.controller.connection import switch_off
 from picoradar.instrument.controller.controller import Controller
-from picoradar.instrument.controller.job import STATE_EVENT, Between, LineStore, RunUp, ScanJob, ScanOutcome, Sink
+from picoradar.instrument.controller.job import STATE_EVENT, Between, LineStore, ScanJob, ScanOutcome, Sink
 from picoradar.instrument.controller.laser_class import EDITION, PulseTrain, classify
 from picoradar.instrument.controller.requests import Request
 from picoradar.instrument.controller.safety import SafeState, make_safe
@@ -19,7 +19,6 @@ __all__ = [
     "LineStore",
     "PulseTrain",
     "Request",
-    "RunUp",
     "SafeState",
     "ScanJob",
     "ScanOutcome",

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -22,13 +21,6 @@ STATE_EVENT = "memory"
 """Kind of the event that carries `ScanJob.state_dict`; the name is part of the file format (docs/recording.md)."""
 SUPERVISION = "supervision"
 """Key in it of how long ago which device was polled: the polls between two lines hold the mirrors."""
-
-
-class RunUp(NamedTuple):
-    """Rows to take again and drop before a row, and the recorded state before them; empty for nothing."""
-
-    rows: Sequence[int] = ()
-    state: Mapping[str, Any] = MappingProxyType({})
 
 
 class ScanJob(Protocol):
@@ -52,8 +44,14 @@ class ScanJob(Protocol):
     def state_dict(self) -> JsonObject:
         """Get what the next line needs to know of those before, as plain data; empty for nothing."""
 
-    def run_up(self, row: int) -> RunUp:
-        """Go back to before ``row``, unless the row before has just been taken; returns what to take again first."""
+    def goes_on_at(self, row: int) -> bool:
+        """Get whether the row before was not taken just now, so that the scan goes on here after a stop."""
+
+    def run_up(self, row: int) -> Sequence[int]:
+        """Get the rows to take again, and to drop, before a row at which the scan goes on."""
+
+    def recall(self, row: int) -> JsonObject:
+        """Go back to what was known before a row; returns what was recorded then, empty when nothing is."""
 
     def take_line(self, row: int, galvo: Galvo, sampler: Sampler, between: Between) -> ScanLine:
         """Take one line with the laser on; ``between`` is called before each point and may raise."""

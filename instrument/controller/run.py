@@ -118,13 +118,16 @@ class ScanRun:
                 self._suspend(cause)
 
     def _run_up(self, row: int) -> None:
-        """Where a scan goes on in the middle, take the lines before it again, so that all is as it was; drop them."""
-        rows, state = self._job.run_up(row)
-        self._context.supervisor.load_state(state.get(SUPERVISION, {}))
-        if rows:
-            self._store.event(self._clock.now(), "run-up", before=row, lines=list(rows))
-        for again in rows:
+        """Where a scan goes on after a stop, take the lines before again and drop them, so that all is as it was."""
+        if not self._job.goes_on_at(row):
+            return
+        for again in self._job.run_up(row):
+            self._recall(again)
             self._take(again)
+        self._recall(row)
+
+    def _recall(self, row: int) -> None:
+        self._context.supervisor.load_state(self._job.recall(row).get(SUPERVISION, {}))
 
     def _keep(self, line: ScanLine) -> None:
         if state := self._job.state_dict():  # before the line: whoever finds the line finds what comes after it

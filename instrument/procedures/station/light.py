@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from picoradar.drivers.clock import Clock
 from picoradar.drivers.interfaces import Galvo, Record, Sampler, SweepSettings
-from picoradar.instrument.controller import Between, RunUp
+from picoradar.instrument.controller import Between
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import ScanLine
 
@@ -76,9 +76,17 @@ class LightJob:
         """Get what the next line needs to know: nothing."""
         return {}
 
-    def run_up(self, row: int) -> RunUp:  # noqa: ARG002 - the job of another
-        """Get what to take again before the line: nothing."""
-        return RunUp()
+    def goes_on_at(self, row: int) -> bool:  # noqa: ARG002 - as for a scan
+        """Get whether the scan goes on after a stop: never."""
+        return False
+
+    def run_up(self, row: int) -> Sequence[int]:  # noqa: ARG002
+        """Get the rows to take again before a row: none."""
+        return ()
+
+    def recall(self, row: int) -> JsonObject:  # noqa: ARG002
+        """Get what was recorded before a row: nothing."""
+        return {}
 
     def configure(self, sampler: Sampler) -> None:
         """Tell the sampler, which keeps the gate, how records would be taken."""

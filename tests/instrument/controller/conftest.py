@@ -14,7 +14,6 @@ import pytest
 from picoradar.drivers.clock import VirtualClock
 from picoradar.drivers.interfaces import Identity, PulserStatus, SamplerStatus, TemperatureStatus
 from picoradar.instrument.bench import Bench
-from picoradar.instrument.controller import RunUp
 from picoradar.instrument.controller.context import RunContext
 from picoradar.instrument.controller.exposure import exposure_of
 from picoradar.instrument.controller.interlocks import interlocks
@@ -60,6 +59,8 @@ class Script:
         self.regulating, self.names = True, {"galvo": "Galvo A"}
         self.reference: tuple[float, float | None] = (45.0, 7400.0)
         self.memory: dict[str, Any] = {}
+        self.run_ups: dict[int, list[int]] = {}
+        self.recorded: dict[int, dict[str, Any]] = {}
         self.rows, self.line_bytes, self.path = [0, 1, 2], 1000, folder / "scan.db"
         self.seen: list[tuple[str, Any]] = []  # what store, log and machine were told
         names = ("sampler", "pulser", "diode", "galvo")
@@ -127,8 +128,15 @@ class Script:
     def state_dict(self) -> dict[str, Any]:
         return self.memory
 
-    def run_up(self, _row: int) -> RunUp:
-        return RunUp()
+    def goes_on_at(self, row: int) -> bool:
+        return row in self.run_ups
+
+    def run_up(self, row: int) -> list[int]:
+        return self.run_ups[row]
+
+    def recall(self, row: int) -> dict[str, Any]:
+        self.call(f"recall {row}")
+        return self.recorded.get(row, {})
 
     def take_line(self, row: int, galvo: Any, sampler: Any, between: Act) -> ScanLine:
         assert (galvo, sampler) == (self.bench.galvo, self.bench.sampler)

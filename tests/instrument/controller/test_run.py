@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from picoradar.drivers.errors import DeviceFault, LinkLost
-from picoradar.instrument.controller import RunUp, disk
+from picoradar.instrument.controller import disk
 from picoradar.instrument.errors import InterlockTripped
 
 ALL = ["sampler.status", "pulser.status", "diode.status", "galvo.ready"]
@@ -93,9 +93,10 @@ def test_where_a_scan_goes_on_the_lines_before_are_taken_again_and_dropped_and_p
 ) -> None:
     ages = {"all_age_s": 4.2, "diode_age_s": 0.5, "first_reference_mv": 44.0}
     script.rows = [2]
-    script.run_up = lambda row: RunUp((0, 1), {"supervision": ages}) if row == 2 else RunUp()
+    script.run_ups, script.recorded = {2: [0, 1]}, {0: {"supervision": ages}}
     script.run().run()
-    assert [what for what in script.asked() if what.startswith("line")] == ["line 0", "line 1", "line 2"]
+    steps = [what for what in script.asked() if what.startswith(("line", "recall"))]
+    assert steps == ["recall 0", "line 0", "recall 1", "line 1", "recall 2", "line 2"]
     assert [index for index, _ in script.told("line")] == [2]
     # Two lines of 0.5 s each: the poll of all devices, due 5 s after the last, comes before the third, not the second.
     first, second, third = (script.times(f"line {k}")[0] for k in range(3))
