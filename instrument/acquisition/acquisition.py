@@ -136,7 +136,7 @@ class Acquisition:
         self.capture.load_state(state)
 
     def resume_from(self, states: Mapping[int, JsonObject]) -> None:
-        """Take in the states that were recorded after the lines so far, by their numbers."""
+        """Take in the states recorded after the lines so far, by their numbers."""
         self._states.update(states)
 
     def goes_on_at(self, row: int) -> bool:
@@ -207,10 +207,9 @@ class Acquisition:
 
     def _note_reference(self, ranges: Ranges) -> None:
         there = np.isfinite(ranges.reference_mv)
+        self._reference = (0.0, None)
         if 2 * np.count_nonzero(there) >= len(there):
             self._reference = float(ranges.reference_mv[there].min()), float(np.median(ranges.reference_ps[there]))
-        else:
-            self._reference = (0.0, None)
 
 
 @dataclass(frozen=True)

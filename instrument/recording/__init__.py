@@ -4,7 +4,9 @@ from picoradar.instrument.recording.cloud import Cloud, cloud_of
 from picoradar.instrument.recording.errors import RecordingError, from_sqlite
 from picoradar.instrument.recording.findings import Event, LineCheck
 from picoradar.instrument.recording.header import digest, plain, versions
+from picoradar.instrument.recording.names import free_stillborn, refuse_unwritable
 from picoradar.instrument.recording.recording import Recording, open_recording
+from picoradar.instrument.recording.salvage import salvage
 from picoradar.instrument.recording.window_layout import in_fs
 
 __all__ = [
@@ -15,9 +17,12 @@ __all__ = [
     "RecordingError",
     "cloud_of",
     "digest",
+    "free_stillborn",
     "from_sqlite",
     "in_fs",
     "open_recording",
     "plain",
+    "refuse_unwritable",
+    "salvage",
     "versions",
 ]

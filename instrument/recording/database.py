@@ -14,60 +14,10 @@ import zlib
 from pathlib import Path
 
 from picoradar.instrument.recording.errors import RecordingError, from_sqlite, primary_code
+from picoradar.instrument.recording.schema import APPLICATION_ID, LAYOUT, SCHEMA, WINDOW_TABLE
 
-APPLICATION_ID = 0x7069636F  # "pico"
-LAYOUT = 2  # 1 had no table `window`
 _BUSY_S = 2.0
 _LONGEST_WAL_BYTES = 16_000_000
-
-_WINDOW_TABLE = """
-CREATE TABLE window (
-    k INTEGER PRIMARY KEY REFERENCES line(k) ON DELETE CASCADE,
-    n INTEGER NOT NULL,
-    samples INTEGER NOT NULL,
-    bytes_per_sum INTEGER NOT NULL,
-    crc32 INTEGER NOT NULL,
-    pieces BLOB NOT NULL,
-    data BLOB NOT NULL
-);
-"""
-SCHEMA = (
-    """
-CREATE TABLE scan (
-    id INTEGER PRIMARY KEY CHECK (id = 1),
-    header TEXT NOT NULL,
-    header_crc32 INTEGER NOT NULL,
-    stop_reason TEXT,
-    laser_off_verified INTEGER,
-    summary TEXT
-);
-CREATE TABLE line (
-    k INTEGER PRIMARY KEY,
-    device_time_s REAL NOT NULL,
-    acknowledged_at_s REAL NOT NULL,
-    n INTEGER NOT NULL,
-    sweeps INTEGER NOT NULL,
-    crc32 INTEGER NOT NULL,
-    points BLOB NOT NULL
-);
-CREATE TABLE wave (
-    k INTEGER PRIMARY KEY REFERENCES line(k) ON DELETE CASCADE,
-    rows INTEGER NOT NULL,
-    samples INTEGER NOT NULL,
-    bytes_per_sum INTEGER NOT NULL,
-    crc32 INTEGER NOT NULL,
-    data BLOB NOT NULL
-);
-CREATE TABLE event (
-    id INTEGER PRIMARY KEY,
-    t REAL NOT NULL,
-    kind TEXT NOT NULL,
-    state TEXT,
-    data TEXT NOT NULL
-);
-"""
-    + _WINDOW_TABLE
-)
 
 
 def create_database(path: Path, header: str) -> sqlite3.Connection:
@@ -98,6 +48,8 @@ def create_database(path: Path, header: str) -> sqlite3.Connection:
         connection.executescript(SCHEMA)
         row = (header, zlib.crc32(header.encode()))
         connection.execute("INSERT INTO scan (id, header, header_crc32) VALUES (1, ?, ?)", row)
+        # The row in `scan` is written anew at the end, behind all lines; this one stays where a cut file still has it.
+        connection.execute("INSERT INTO spare_header VALUES (1, ?, ?)", row)
         connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")  # header and tables are in the file itself from now on
         sync_folder(path.parent)
     except (sqlite3.Error, OSError) as error:
@@ -143,7 +95,7 @@ def open_database(path: Path, *, writing: bool) -> sqlite3.Connection:
 
 def _renew(connection: sqlite3.Connection) -> None:
     """Give a recording of layout 1 the table that it lacks, so that it can be gone on with."""
-    connection.executescript(f"BEGIN IMMEDIATE; {_WINDOW_TABLE} PRAGMA user_version={LAYOUT}; COMMIT;")
+    connection.executescript(f"BEGIN IMMEDIATE; {WINDOW_TABLE} PRAGMA user_version={LAYOUT}; COMMIT;")
 
 
 def _open_known(path: Path, mode: str) -> tuple[sqlite3.Connection, int, int]:

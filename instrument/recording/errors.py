@@ -7,6 +7,7 @@ from pathlib import Path
 
 from picoradar.instrument.errors import PicoradarError
 
+SALVAGE = "restore it from a copy, or get what still reads with `picoradar info --salvage`"
 _WORDS = {
     sqlite3.SQLITE_FULL: "the disk is full",
     sqlite3.SQLITE_READONLY: "the file or its folder is read-only",
@@ -23,7 +24,7 @@ _REMEDY = {
     sqlite3.SQLITE_FULL: "make room, then go on with `picoradar resume`",
     sqlite3.SQLITE_READONLY: "write to a folder that you may write to",
     sqlite3.SQLITE_IOERR: "check the disk before you go on; copy the file to a sound one",
-    sqlite3.SQLITE_CORRUPT: "restore it from a copy; the lines that still can be read are kept",
+    sqlite3.SQLITE_CORRUPT: SALVAGE,
     sqlite3.SQLITE_NOTADB: "give a file that `picoradar scan` has written",
     sqlite3.SQLITE_CANTOPEN: "check the folder and its permissions",
     sqlite3.SQLITE_BUSY: "end the other program first",

@@ -19,7 +19,7 @@ from picoradar.instrument.line import ScanLine
 from picoradar.instrument.recording import rows
 from picoradar.instrument.recording.cloud import Cloud, cloud_of
 from picoradar.instrument.recording.content import FROM_A_COPY, event_of, json_object, refuse_foreign_content
-from picoradar.instrument.recording.errors import RecordingError, from_sqlite
+from picoradar.instrument.recording.errors import SALVAGE, RecordingError, from_sqlite
 from picoradar.instrument.recording.findings import Event, LineCheck
 from picoradar.instrument.recording.header import TraceForm, checked_header
 
@@ -218,7 +218,7 @@ class Reader:
             raise RecordingError(self.path, "has no header", "it was broken off at its very beginning; scan again")
         text, crc = found[0]
         if not isinstance(text, str) or zlib.crc32(text.encode()) != crc:
-            raise RecordingError(self.path, "the check sum of the header does not fit", FROM_A_COPY)
+            raise RecordingError(self.path, "the check sum of the header does not fit", SALVAGE)
         header = json_object(self.path, text, "the header")
         try:
             return checked_header(header)

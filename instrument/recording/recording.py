@@ -44,7 +44,14 @@ class Recording(Writer):
             text = canonical(complete_header(header))
         except ValueError as error:
             raise RecordingError(file, str(error)) from error
-        return cls(file, create_database(file, text), WriterLock(file))
+        if not file.parent.is_dir():
+            raise RecordingError(file, f"there is no folder {file.parent}", "make it first")
+        lock = WriterLock(file)  # first: nobody may take the half-made file for one that was left behind
+        try:
+            return cls(file, create_database(file, text), lock)
+        except RecordingError:
+            lock.release()
+            raise
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> Self:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from picoradar.instrument.cli import options, output
+from picoradar.instrument.cli.new_files import make_folder
 from picoradar.instrument.errors import BadInput, Interrupted
 
 if TYPE_CHECKING:
@@ -53,7 +54,8 @@ def bench(
         raise BadInput(f"bench {name!r}: no such procedure; there are {', '.join(PROCEDURES)}")
     stamp = _date(date)
     wanted = _settings(settings, seed, averages, hidden_errors=hidden_errors)
-    folder = _new_folder(out or Path(f"picoradar-{name}"))
+    folder = out or Path(f"picoradar-{name}")
+    make_folder(folder, "give another report folder with --out", exist_ok=False)
     try:
         with session.session(wanted, options.parse_speed(speed), faults=faults) as run:
             session.warm_up(run)
@@ -132,16 +134,6 @@ def _station(run: Session, name: str, folder: Path, progress: Progress, date: da
     seed = run.settings.seed if run.simulated is not None else None
     radar = Radar(run.controller, run.settings, run.calibration, run.identities, seed)
     return Station(radar, stage, folder, progress, date=date, meters=meters)
-
-
-def _new_folder(folder: Path) -> Path:
-    try:
-        folder.mkdir(parents=True)
-    except FileExistsError as error:
-        raise BadInput(f"{folder} exists already; give another report folder with --out") from error
-    except OSError as error:
-        raise BadInput(f"{folder}: the report folder cannot be made: {error}; give another one with --out") from error
-    return folder
 
 
 def _shown(outcome: Outcome, folder: Path) -> dict[str, object]:

@@ -10,6 +10,7 @@ import typer
 
 from picoradar.instrument.cli import options, output
 from picoradar.instrument.cli.commands import register as registering
+from picoradar.instrument.cli.new_files import make_folder, refuse_taken
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.events import JsonObject
 
@@ -116,14 +117,8 @@ def report_folder(out: Path | None) -> Path:
         When it cannot be made or holds a recording already, which is never written over.
     """
     folder = out if out is not None else _free_name()
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInput(f"{folder}: the report folder cannot be made: {error}; give another one with --out") from error
-    if (folder / "scan.db").exists():
-        raise BadInput(
-            f"{folder} holds a recording already, which is never written over; give another folder with --out"
-        )
+    make_folder(folder, "give another one with --out")
+    refuse_taken(folder / "scan.db", "give another folder with --out")
     return folder
 
 

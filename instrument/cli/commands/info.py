@@ -16,16 +16,30 @@ if TYPE_CHECKING:
 
 def add_to(app: typer.Typer) -> None:
     """Register the subcommand."""
-    app.command(epilog="Example: picoradar info scan.db")(info)
+    app.command(epilog="Examples: picoradar info scan.db\n\npicoradar info --salvage damaged.db")(info)
 
 
 def info(
     recording: Annotated[Path, typer.Argument(help="Recording of a scan.")],
+    salvage: Annotated[
+        bool, typer.Option("--salvage", help="Copy what still reads of a damaged recording into a new one beside it.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Show what is in a recording, and check every line of it."""
+    from picoradar.instrument import recording as recordings
     from picoradar.instrument.recording import Recording
 
+    if salvage:
+        new, kept, lost = recordings.salvage(recording)
+        if json:
+            output.print_json({"salvaged": str(new), "kept": kept, "lost": lost})
+        else:
+            rest = f"picoradar resume {new} takes the others" if lost else "nothing is missing"
+            output.print_table(
+                "salvage", {"recording": new, "lines kept": len(kept), "lines lost": len(lost), "next": rest}
+            )
+        return
     with Recording.open(recording) as scan:
         result = describe_recording(scan)
     bad = cast("list[dict[str, object]]", result["damaged"])

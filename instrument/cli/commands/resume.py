@@ -37,7 +37,7 @@ def resume(
     """
     from picoradar.instrument.calibration import Calibration
     from picoradar.instrument.cli import scanning, session
-    from picoradar.instrument.recording import Recording
+    from picoradar.instrument.recording import Recording, refuse_unwritable
     from picoradar.instrument.settings import settings_from
 
     with Recording.open(recording) as broken_off:
@@ -46,6 +46,7 @@ def resume(
             raise BadInput(f"{recording}: holds all its lines; there is nothing to go on with")
     settings = settings_from(header.get("settings"), str(recording))
     calibration = Calibration.from_json(json_module.dumps(header.get("calibration")), str(recording))
+    refuse_unwritable(recording.parent)
     if settings.bench == "devices":
         ask_for_devices(settings, recording, agreed=yes)
     with session.session(settings, options.parse_speed(speed), faults=faults, calibration=calibration) as run:

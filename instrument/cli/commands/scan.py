@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from picoradar.instrument.cli import options, output, transcripts
+from picoradar.instrument.cli.new_files import make_folder, refuse_taken
 from picoradar.instrument.errors import BadInput
 
 DEFAULT_NAME = "scan.db"
@@ -72,22 +73,20 @@ def scan(
 
 
 def recording_path(out: Path | None, folder: Path | None) -> Path:
-    """Choose where the recording goes, before anything is switched.
+    """Choose where the recording goes, and make sure that it can be made there, before anything is switched.
 
     Raises
     ------
     BadInput
         When there is something already, or the folder cannot be made.
+    RecordingError
+        When no recording can be made in the folder.
     """
     path = out if out is not None else Path(DEFAULT_NAME)
     if folder is not None:
         if not (folder / path).resolve().is_relative_to(folder.resolve()):
             raise BadInput(f"-o {path}: leads out of the folder {folder}; give a name inside it, or no --out")
         path = folder / path
-    if path.exists():
-        raise BadInput(f"{path} exists already and will not be written over; give another name with -o")
-    try:
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInput(f"{path.parent}: the folder cannot be made: {error}; give another one") from error
+    refuse_taken(path, "give another name with -o")
+    make_folder(path.parent, "give another one")
     return path

@@ -1,0 +1,120 @@
+"""`salvage`: what can still be read of a damaged recording, as a recording of its own."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sqlite3
+import zlib
+from collections.abc import Iterator
+from contextlib import closing, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from picoradar.instrument.recording.content import json_object
+from picoradar.instrument.recording.database import create_database
+from picoradar.instrument.recording.errors import RecordingError
+from picoradar.instrument.recording.header import checked_header
+from picoradar.instrument.recording.recording import Recording
+
+TABLES = ("line", "wave", "window")
+HEADER_BYTES = 100  # of an SQLite file: page size at 16, pages at 28 (sqlite.org/fileformat.html, section 1.3)
+LARGEST_CUT_BYTES = 10**11  # padding is sparse; more than this is no length but damage
+MAX_EVENTS_MISSED = 1000  # numbers of events that cannot be read in a row, after which no more are looked for
+
+
+def salvage(path: Path) -> tuple[Path, list[int], list[int]]:
+    """Copy every line that reads and passes its check into a new recording beside the damaged one.
+
+    The damaged file is not changed. The new one can be used as any other, and `picoradar resume` takes what it lacks.
+    Lines whose raw samples do not read are kept without them.
+
+    Parameters
+    ----------
+    path : Path
+        A recording that was cut short or damaged; its header must read.
+
+    Returns
+    -------
+    file : Path
+        The new recording.
+    kept, lost : list of int
+        Lines that it has, and those that it lacks of the whole raster.
+
+    Raises
+    ------
+    RecordingError
+        When there is no such file, not even the header reads, or the new file is there already.
+    """
+    if not path.is_file():
+        raise RecordingError(path, "there is no such file", "give the path of a recording")
+    new = path.with_name(f"{path.stem}-salvaged{path.suffix}")
+    with TemporaryDirectory(dir=path.parent, prefix=".picoradar-") as folder:
+        whole = Path(folder) / path.name
+        _copy_padded(path, whole)
+        with closing(sqlite3.connect(f"{whole.resolve().as_uri()}?mode=rw", uri=True, isolation_level=None)) as source:
+            header = _header(path, source)
+            with closing(create_database(new, header)) as target:
+                for row in range(checked_header(json_object(path, header, "the header"))["raster"]["rows"]):
+                    _copy_line(source, target, row)
+                for event in _events(source):
+                    target.execute(
+                        "INSERT OR IGNORE INTO event (id, t, kind, state, data) VALUES (?, ?, ?, ?, ?)", event
+                    )
+    with Recording.resume(new) as salvaged:  # takes out what fails its check
+        salvaged.event(0.0, "salvaged", source=path.name)
+        return new, salvaged.done, salvaged.missing
+
+
+def _copy_padded(path: Path, whole: Path) -> None:
+    """Copy a file with what SQLite keeps beside it, and bring it to the length that its first page states.
+
+    SQLite opens no file that is shorter; what is added is zeros, which no check sum passes.
+    """
+    for ending in ("", "-wal"):
+        if Path(f"{path}{ending}").is_file():
+            shutil.copyfile(f"{path}{ending}", f"{whole}{ending}")
+    with whole.open("rb") as file:
+        start = file.read(HEADER_BYTES)
+    if len(start) < HEADER_BYTES or not start.startswith(b"SQLite format 3\0"):
+        return
+    page_bytes = int.from_bytes(start[16:18], "big")
+    stated = (65536 if page_bytes == 1 else page_bytes) * int.from_bytes(start[28:32], "big")
+    if whole.stat().st_size < stated <= whole.stat().st_size + LARGEST_CUT_BYTES:
+        os.truncate(whole, stated)
+
+
+def _header(path: Path, source: sqlite3.Connection) -> str:
+    """Return the text of the header, or of its spare copy."""
+    why = "its header is not there"
+    for table in ("scan", "spare_header"):
+        try:
+            found = source.execute(f"SELECT header, header_crc32 FROM {table}").fetchone()
+        except sqlite3.Error as error:
+            why = str(error)
+            continue
+        if found is not None and isinstance(found[0], str) and zlib.crc32(found[0].encode()) == found[1]:
+            return str(found[0])
+    raise RecordingError(path, f"nothing can be salvaged: {why}", "restore it from a copy")
+
+
+def _copy_line(source: sqlite3.Connection, target: sqlite3.Connection, row: int) -> None:
+    """Copy a line, and its raw samples where they read."""
+    for table in TABLES:
+        with suppress(sqlite3.Error):
+            found = source.execute(f"SELECT * FROM {table} WHERE k = ?", (row,)).fetchone()
+            if found is not None:  # the raw samples of a line that does not read are refused: they refer to it
+                target.execute(f"INSERT INTO {table} VALUES ({', '.join('?' * len(found))})", found)
+
+
+def _events(source: sqlite3.Connection) -> Iterator[Any]:
+    number = missed = 0
+    while missed < MAX_EVENTS_MISSED:
+        number += 1
+        found = None
+        with suppress(sqlite3.Error):
+            found = source.execute("SELECT id, t, kind, state, data FROM event WHERE id = ?", (number,)).fetchone()
+        missed = 0 if found is not None else missed + 1
+        if found is not None:
+            yield found

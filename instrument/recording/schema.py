@@ -1,0 +1,59 @@
+"""The tables of a recording (docs/recording.md), and how a file says that it is one."""
+
+from __future__ import annotations
+
+APPLICATION_ID = 0x7069636F  # "pico"
+LAYOUT = 2  # 1 had no table `window`
+WINDOW_TABLE = """
+CREATE TABLE window (
+    k INTEGER PRIMARY KEY REFERENCES line(k) ON DELETE CASCADE,
+    n INTEGER NOT NULL,
+    samples INTEGER NOT NULL,
+    bytes_per_sum INTEGER NOT NULL,
+    crc32 INTEGER NOT NULL,
+    pieces BLOB NOT NULL,
+    data BLOB NOT NULL
+);
+"""
+SCHEMA = (
+    """
+CREATE TABLE scan (
+    id INTEGER PRIMARY KEY CHECK (id = 1),
+    header TEXT NOT NULL,
+    header_crc32 INTEGER NOT NULL,
+    stop_reason TEXT,
+    laser_off_verified INTEGER,
+    summary TEXT
+);
+CREATE TABLE line (
+    k INTEGER PRIMARY KEY,
+    device_time_s REAL NOT NULL,
+    acknowledged_at_s REAL NOT NULL,
+    n INTEGER NOT NULL,
+    sweeps INTEGER NOT NULL,
+    crc32 INTEGER NOT NULL,
+    points BLOB NOT NULL
+);
+CREATE TABLE wave (
+    k INTEGER PRIMARY KEY REFERENCES line(k) ON DELETE CASCADE,
+    rows INTEGER NOT NULL,
+    samples INTEGER NOT NULL,
+    bytes_per_sum INTEGER NOT NULL,
+    crc32 INTEGER NOT NULL,
+    data BLOB NOT NULL
+);
+CREATE TABLE event (
+    id INTEGER PRIMARY KEY,
+    t REAL NOT NULL,
+    kind TEXT NOT NULL,
+    state TEXT,
+    data TEXT NOT NULL
+);
+CREATE TABLE spare_header (
+    id INTEGER PRIMARY KEY CHECK (id = 1),
+    header TEXT NOT NULL,
+    header_crc32 INTEGER NOT NULL
+);
+"""
+    + WINDOW_TABLE
+)
