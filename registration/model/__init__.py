@@ -4,6 +4,7 @@ from picoradar.registration.model.cache_folder import CacheContents, clear_cache
 from picoradar.registration.model.centres import sphere_centres, sphere_support
 from picoradar.registration.model.field import DistanceField, build_fields
 from picoradar.registration.model.files import load_model
+from picoradar.registration.model.flat_faces import FlatFace, flat_faces
 from picoradar.registration.model.prepared import Model, prepare_model
 from picoradar.registration.model.surface import Closest, Surface, part
 from picoradar.registration.model.views import Place, View
@@ -13,6 +14,7 @@ __all__ = [
     "CacheContents",
     "Closest",
     "DistanceField",
+    "FlatFace",
     "Model",
     "Place",
     "Surface",
@@ -20,6 +22,7 @@ __all__ = [
     "build_fields",
     "clear_cache",
     "contents_of_cache",
+    "flat_faces",
     "load_model",
     "part",
     "prepare_model",

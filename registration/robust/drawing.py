@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import combinations
-
-import numpy as np
 
 from picoradar.registration._types import BoolArray, FloatArray
-from picoradar.registration.model import Surface
+from picoradar.registration.model import flat_faces
 from picoradar.registration.refine import BeamFitter, annealed, outside_regions
+from picoradar.registration.robust.corners import Corners
 from picoradar.registration.scan import NoiseModel, Scan
-from picoradar.registration.se3 import small_motion, transform
-from picoradar.registration.search import Candidate, Search
-from picoradar.registration.settings import EdgeSettings
+from picoradar.registration.se3 import transform
+from picoradar.registration.search import Candidate, Search, same_minimum
 
 
 def drawn_in(search: Search, candidates: list[Candidate], regions: FloatArray, *, symmetric: bool) -> list[Candidate]:
@@ -30,7 +27,7 @@ def drawn_in(search: Search, candidates: list[Candidate], regions: FloatArray, *
     regions : (K, 4) array
         Excluded spheres of the model, centre and radius.
     symmetric : bool
-        Of a whole body, draw the quarter turns of the best in as well.
+        Of a whole body, draw in the quarter turns of the best as well, and poses that bring corners together.
     """
     if candidates[0].view.is_socket:
         return candidates
@@ -53,35 +50,30 @@ def drawn_in(search: Search, candidates: list[Candidate], regions: FloatArray, *
     plain = [ranked(c.model_from_scanner, replace(c, hits=0)) for c in candidates]
     found = search.joined(plain, [drawn(c) for c in candidates])
     if symmetric and found[0].view.whole:
-        turned = [
-            *search.quarter_turns(found[0]),
-            *swapped_faces(thin, surface, found[0].model_from_scanner, settings.edges),
-        ]
-        found = search.joined(found, [drawn(replace(found[0], model_from_scanner=pose, hits=0)) for pose in turned])
+        turned = [replace(found[0], model_from_scanner=pose, hits=0) for pose in search.quarter_turns(found[0])]
+        found = search.joined(found, [drawn(c) for c in turned])
+        corners = Corners(thin, surface, flat_faces(surface, settings.edges), settings.edges)
+        for _ in range(settings.edges.corner_rounds):
+            best = found[0]
+            found = search.joined(found, [drawn(c) for c in cornered(search, corners, found)])
+            if found[0] is best:  # neither a likelier pose was met nor this one again: nothing has changed
+                break
     return found
 
 
-def swapped_faces(scan: Scan, surface: Surface, pose: FloatArray, settings: EdgeSettings) -> list[FloatArray]:
-    """Poses (4, 4) in which two flat faces that are seen change places.
-
-    A face and a strip of its neighbour fit the neighbour and a strip of the face as well, whatever the angle between
-    them: by a half turn about the line that halves it, which meets their edge opposite to the body's middle.
-    """
-    near = surface.closest(transform(pose, scan.points))
-    rounded = np.rint(near.normals / settings.same_normal)
-    _, groups, count = np.unique(rounded, axis=0, return_inverse=True, return_counts=True)
-    groups = groups.ravel()  # NumPy 2.0 gives a column
-    largest = np.argsort(-count, kind="stable")[: settings.swapped_faces]
-    points = np.array([near.points[groups == k].mean(axis=0) for k in largest])
-    normals = np.array([near.normals[groups == k].mean(axis=0) for k in largest])
-    centroid, _ = surface.principal_frame
-    found = []
-    for pair in map(list, combinations(range(len(largest)), 2)):
-        rows = normals[pair]
-        if np.linalg.norm(np.cross(*rows)) < settings.parallel_sine:
-            continue  # parallel faces have no edge
-        offsets = np.einsum("ij,ij->i", rows, points[pair] - centroid)
-        on_edge = centroid + np.linalg.pinv(rows) @ offsets
-        axis = rows.sum(axis=0) / np.linalg.norm(rows.sum(axis=0))
-        found.append(small_motion(np.concatenate([np.pi * axis, np.zeros(3)]), on_edge) @ pose)
-    return found
+def cornered(search: Search, corners: Corners, found: list[Candidate]) -> list[Candidate]:
+    """The best distinct poses that bring corners of faces together, from the likeliest of the candidates found."""
+    edges = search.settings.edges
+    ends = [
+        (score, pose, candidate)
+        for candidate in found[: edges.turned_poses]
+        for score, pose in corners.turned(candidate.model_from_scanner)
+    ]
+    chosen: list[Candidate] = []
+    for _, pose, origin in sorted(ends, key=lambda end: end[0]):
+        known = (other.model_from_scanner for other in (origin, *chosen))
+        if not any(same_minimum(pose, other, search.middle, search.settings.search) for other in known):
+            chosen.append(replace(origin, model_from_scanner=pose, hits=0))
+            if len(chosen) == edges.drawn_corners:
+                break
+    return chosen

@@ -2,7 +2,7 @@
 
 from picoradar.registration.search.cone import ANYWHERE, Cone
 from picoradar.registration.search.global_search import Search
-from picoradar.registration.search.minima import Candidate, difference
+from picoradar.registration.search.minima import Candidate, difference, same_minimum
 from picoradar.registration.search.start import Landmarks, Start, checked_start
 
 __all__ = [
@@ -14,4 +14,5 @@ __all__ = [
     "Start",
     "checked_start",
     "difference",
+    "same_minimum",
 ]

@@ -43,13 +43,18 @@ def merged(
     out: list[Candidate] = []
     for candidate in sorted([*one, *other], key=lambda c: -c.log_likelihood):
         for index, better in enumerate(out):
-            turn, shift = difference(better.model_from_scanner, candidate.model_from_scanner, at)
-            if turn < settings.same_deg and shift < settings.same_mm:
+            if same_minimum(better.model_from_scanner, candidate.model_from_scanner, at, settings):
                 out[index] = replace(better, hits=better.hits + candidate.hits + bonus)
                 break
         else:
             out.append(candidate)
     return out
+
+
+def same_minimum(one: FloatArray, other: FloatArray, at: FloatArray, settings: SearchSettings) -> bool:
+    """Whether two poses (4, 4) are so near that they count as one minimum; the shift is that of the point `at`."""
+    turn, shift = difference(one, other, at)
+    return turn < settings.same_deg and shift < settings.same_mm
 
 
 def difference(one: FloatArray, other: FloatArray, at: FloatArray) -> tuple[float, float]:

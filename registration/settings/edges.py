@@ -24,19 +24,44 @@ class EdgeSettings:
     """Widths of the loss that draws it [eq. 13]: from how far a search can miss down to the noise of a range."""
 
     steps_a_scale: int = 4
-    """Steps at each width."""
+    """Steps at each width at most."""
+
+    settled_share: float = 0.01
+    """The next width follows when a step has changed no residual by more than this share of the width."""
 
     min_cosine: float = -0.1
     """Smallest cosine between beam and normal of a closest point: below it the surface faces away."""
 
-    swapped_faces: int = 3
-    """Faces of which two may change places, those with the most points: so many of a convex body are seen well."""
+    searched_planes: int = 12
+    """Planes of the model, those of its largest triangles, that may be flat faces: twice as many as a box has."""
 
-    same_normal: float = 0.01
-    """Normals whose components round to the same multiples of this belong to one face: within 0.6 deg."""
+    flat_mm: float = 0.01
+    """Height over a plane within which triangles belong to it: less than a mesh is true to its body."""
 
-    parallel_sine: float = 0.05
-    """Smallest sine of the angle between two faces that meet in an edge: 3 deg."""
+    min_face_share: float = 0.02
+    """Least share of the model's area that a flat face has: of triangulated bone no plane reaches it."""
+
+    min_corner_sine: float = 0.2
+    """Least sine of the angle at a corner: 12 deg, six times the turn between facets of a usual cylinder."""
+
+    max_corners: int = 8
+    """Corners of a face at most: what has more is a ragged cut, and its corners are as many as they are wrong."""
+
+    turned_poses: int = 3
+    """The likeliest poses, from which the corners of faces are laid on each other: one of them has a corner right."""
+
+    screened_points: int = 150
+    """Points by which poses that bring corners together are compared before they are drawn: half of them from the face
+    that most points lie on, half from elsewhere."""
+
+    screening_mm: float = 2.0
+    """Distance at which a point counts no further there: the widest strip of a neighbour that scans were made with."""
+
+    drawn_corners: int = 8
+    """The best of these poses, which are drawn into their minima."""
+
+    corner_rounds: int = 2
+    """Times that corners are brought together at most: a likelier pose has other rivals."""
 
     max_halvings: int = 6
     """A step of the beam fit is halved so often at most: a sixty-fourth of it is less than the points' noise."""
