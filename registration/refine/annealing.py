@@ -42,7 +42,7 @@ def annealed(
         for _ in range(s.steps_a_scale):
             moved = transform(pose, scan.points)
             near = surface.closest(moved)
-            facing = _facing(surface, near, scan.beams @ pose[:3, :3].T, s.min_cosine)
+            facing = faces_beams(surface, near, scan.beams @ pose[:3, :3].T, s.min_cosine)
             known = allowed & facing & ~surface.beyond_border(near)
             weight = np.exp(-((near.signed_mm / scale) ** 2)) * known
             centre = np.asarray(moved.mean(axis=0), dtype=np.float64)
@@ -54,7 +54,7 @@ def annealed(
     return orthonormalised(pose)
 
 
-def _facing(surface: Surface, near: Closest, beams: FloatArray, min_cosine: float) -> BoolArray:
+def faces_beams(surface: Surface, near: Closest, beams: FloatArray, min_cosine: float) -> BoolArray:
     """Which closest points (N,) a beam can come from.
 
     The direction from a silhouette to a point beside it may face away where the face that the point overhangs does not:

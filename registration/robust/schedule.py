@@ -18,6 +18,7 @@ from picoradar.registration.refine import (
     along_weak_mode,
     alternatives_at,
     alternatives_of,
+    edge_forgiving_likelihood,
     outside_regions,
     shallow_poses,
 )
@@ -108,6 +109,7 @@ class _Fits:
         best = max(walk, key=_log_likelihood)
         offset = fits[0].log_likelihood - candidates[0].log_likelihood  # of fits over distance fields
         ends = [(f.model_from_scanner, f.log_likelihood) for f in (*fits, *walk[1:])]
+        ends += self.all_but_edges(fits, best)
         ends += [(c.model_from_scanner, c.log_likelihood + offset) for c in others]
         # 6. What the judgement needs to know.
         independent = min(len(scan), settings.tissue.independent_points)
@@ -147,6 +149,19 @@ class _Fits:
         return shallow_poses(
             fit, self.search.scan, lambda pose: fitter.likelihood_at(pose, fit.noise, allowed), settings
         )
+
+    def all_but_edges(self, fits: list[BeamFit], best: BeamFit) -> list[tuple[FloatArray, float]]:
+        """Poses of fits with log likelihoods that lack no more than what edges cannot have decided."""
+        search = self.search
+        if not (self.edges and search.model.closed):
+            return []
+
+        def forgiving(fit: BeamFit) -> float:
+            allowed = outside_regions(transform(fit.model_from_scanner, search.scan.points), self.regions)
+            return edge_forgiving_likelihood(fit, search.scan, search.model.surface, allowed, search.settings)
+
+        offset = best.log_likelihood - forgiving(best)
+        return [(fit.model_from_scanner, forgiving(fit) + offset) for fit in fits]
 
     def beside_share(self, fit: BeamFit, closest: Closest) -> float:
         """Share of the points just beside a closed model whose beams pass it by: nothing sends light back there."""

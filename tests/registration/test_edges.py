@@ -10,9 +10,10 @@ import trimesh
 
 from picoradar import registration
 from picoradar.registration.model import Surface, flat_faces
-from picoradar.registration.refine import annealed
+from picoradar.registration.refine import BeamFit, BeamFitter, annealed, edge_forgiving_likelihood
+from picoradar.registration.refine.cast_beams import CastBeams
 from picoradar.registration.robust.corners import Corners
-from picoradar.registration.scan import Scan, checked_scan
+from picoradar.registration.scan import NoiseModel, Scan, checked_scan
 from picoradar.registration.se3 import pose, rotation_angle_deg, transform
 from picoradar.registration.settings import EdgeSettings, RobustSettings
 
@@ -122,3 +123,24 @@ def test_what_faces_away_draws_nothing(box: Surface) -> None:
     start = pose(np.eye(3), np.array([0.0, 0.0, -SIDES_MM[2] - 0.5]))
     moved = annealed(scan, box, start, np.ones(len(scan), dtype=np.bool_), RobustSettings())
     assert np.abs(moved - start).max() < 1e-9
+
+
+@pytest.mark.parametrize(("shift_mm", "forgiven"), [(0.05, True), (1.5, False)])
+def test_only_beams_that_pass_an_edge_by_within_noise_are_forgiven(
+    box: Surface, shift_mm: float, forgiven: bool
+) -> None:
+    """The whole top: slid by less than the noise over a side that faces away, some of its beams meet nothing."""
+    x, y = np.meshgrid(np.linspace(-29.99, 29.99, 60), np.linspace(-24.99, 24.99, 20))
+    scan = checked_scan(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 20.0)]), origin=SCANNER_MM)
+    everywhere, settings = np.ones(len(scan), dtype=np.bool_), RobustSettings()
+    noise = NoiseModel.of(0.2, settings.noise)
+    fitter = BeamFitter(scan, box, noise, scan.around, noise_known=True, settings=settings)
+    beams, forgiving = [], []
+    for shift in (0.0, -shift_mm):
+        start = pose(np.eye(3), np.array([shift, 0.0, 0.0]))
+        cast = CastBeams.at(scan, box, start, everywhere, settings.beam_fit, settings.tissue)
+        fit = BeamFit(start, cast.met(cast.signed_mm), everywhere, noise, [], 0.0)
+        beams.append(fitter.likelihood_at(start, noise, everywhere))
+        forgiving.append(edge_forgiving_likelihood(fit, scan, box, everywhere, settings))
+    assert (beams[0] - beams[1]) * len(scan) > 100.0  # nats, of the 20 points on that edge
+    assert ((forgiving[0] - forgiving[1]) * len(scan) < settings.trust.plausible_nats) == forgiven
