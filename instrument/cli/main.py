@@ -73,7 +73,7 @@ def run(arguments: list[str]) -> int:
         code = exit_status(error)
         if code is None:
             raise
-        return _failed(arguments, code, str(error))
+        return _failed(arguments, code, "; ".join([str(error), *getattr(error, "__notes__", [])]))
 
 
 def exit_status(error: Exception) -> int | None:

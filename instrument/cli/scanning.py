@@ -95,14 +95,23 @@ def _scan_into(run: Session, job: Acquisition, recording: Recording) -> Recorded
     began = time.perf_counter()
     with recording:
         lines = list(recording.lines(traces=False))  # of an earlier part of the scan; empty for a new one
-        outcome = _scan_with_bar(run, job, recording, lambda line: lines.append(line.without_raw_samples()))
+        try:
+            outcome = _scan_with_bar(run, job, recording, lambda line: lines.append(line.without_raw_samples()))
+        except Exception as error:
+            error.add_note(_what_next(len(lines), recording))
+            raise
     cloud = cloud_of(lines)
     result = {"recording": str(recording.path), "lines": len(lines), **describe_scan(run, job, cloud, outcome)}
     result["wall_s"] = round(time.perf_counter() - began, 3)
     if outcome.stop_reason == "interrupted":
         safe = "laser off verified" if outcome.safe.laser_off_verified else str(outcome.safe)
-        raise Interrupted(f"interrupted; {safe}; {result['lines']} lines kept in {recording.path}")
+        raise Interrupted(f"interrupted; {safe}; {_what_next(len(lines), recording)}")
     return RecordedScan(result, outcome, cloud)
+
+
+def _what_next(lines: int, recording: Recording) -> str:
+    """Say what is kept of a scan that was broken off, and how to go on with it."""
+    return f"{lines} lines kept in {recording.path}; go on with: picoradar resume {recording.path}"
 
 
 def _scan_with_bar(run: Session, job: Acquisition, recording: Recording, keep: Sink) -> ScanOutcome:

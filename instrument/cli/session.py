@@ -97,7 +97,10 @@ def _closing(controller: Controller, came: list[str]) -> Iterator[None]:
     except InterlockTripped as tripped:
         if not came or not controller.safe.laser_off_verified:
             raise
-        raise Interrupted(f"interrupted ({', '.join(came)}): {tripped}; {controller.safe}") from tripped
+        notes = getattr(tripped, "__notes__", [])
+        raise Interrupted(
+            "; ".join([f"interrupted ({', '.join(came)}): {tripped}", str(controller.safe), *notes])
+        ) from tripped
     finally:
         if controller.state != "fault":
             controller.shut_down()

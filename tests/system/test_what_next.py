@@ -1,0 +1,39 @@
+"""A command that ends before its work is done says what is kept, where, and which command goes on."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from picoradar.instrument.cli.main import run
+from picoradar.instrument.recording import Recording
+
+
+@pytest.mark.parametrize(
+    ("fault", "status"),
+    [
+        ([{"kind": "usb_unplugged", "link": "bridge", "at": {"pulse": 60_000}}], 3),
+        ([{"kind": "unplugged", "link": "dg645", "at": {"pulse": 60_000}}], 3),
+        ([{"kind": "interlock_opened", "at": {"pulse": 60_000}}], 4),
+    ],
+    ids=["bridge", "generator", "lid"],
+)
+def test_a_scan_that_loses_its_devices_names_the_command_that_goes_on(
+    fault: list[dict[str, Any]], status: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, faults = tmp_path / "scan.db", tmp_path / "faults.json"
+    faults.write_text(json.dumps({"fault": fault}), encoding="utf-8")
+    assert run(["scan", "--grid", "6x3", "--seed", "4", "-o", str(path), "--faults", str(faults)]) == status
+    said = capsys.readouterr().err
+    with Recording.open(path) as recording:
+        lines = len(recording.done)
+    assert 0 < lines < 6
+    assert f"{lines} lines kept in {path}" in said
+    (command,) = re.findall(r"go on with: picoradar (.*)", said)
+    assert run(command.split()) == 0
+    with Recording.open(path) as recording:
+        assert recording.complete
