@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -68,7 +69,7 @@ class Acquisition:
         self._before: _Row | None = None
         self._row_before = -1
         self._states: dict[int, JsonObject] = {-1: self.state_dict()}
-        self._resumption = Resumption(self._states, setup.settings.scanner.flyback_settle_ms * 1e-3, line_s)
+        self._resumption = Resumption(self._states, math.ceil(capture.memory_s / line_s))
 
     @property
     def mode(self) -> str:

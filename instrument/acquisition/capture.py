@@ -90,6 +90,10 @@ class Capture(Protocol):
     def raw_bytes(self) -> int:
         """Get the most that the raw samples of a point take on the disk (not compressed)."""
 
+    @property
+    def memory_s(self) -> float:
+        """Get for how long a motion of the mirrors before a line shows in it; 0 when it does not."""
+
     def configure(self, sampler: Sampler) -> None:
         """Tell the sampler how records are taken."""
 

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 from picoradar.instrument.events import JsonObject
-
-FORGOTTEN_AFTER = 4.0  # settling times of a fly-back: what was left of a motion after one is then below the last bit
 
 
 class Resumption:
@@ -21,15 +18,13 @@ class Resumption:
     ----------
     states : mapping of int to dict
         The state recorded after each line (`Acquisition.state_dict`), by its number; -1 is the state before the first.
-    settled_s : float
-        Time after which a fly-back counts as settled.
-    line_s : float
-        Least time of one line.
+    lines : int
+        How many lines back a motion of the mirrors still shows.
     """
 
-    def __init__(self, states: Mapping[int, JsonObject], settled_s: float, line_s: float) -> None:
+    def __init__(self, states: Mapping[int, JsonObject], lines: int) -> None:
         self._states = states
-        self._lines = max(1, math.ceil(FORGOTTEN_AFTER * settled_s / line_s))
+        self._lines = lines
 
     def rows_before(self, row: int) -> Sequence[int]:
         """Return the lines to take again before ``row``; none where it is not known what was known before them."""

@@ -56,6 +56,11 @@ class SweepCapture:
         fly_s = 2e-3 * self._scanner.flyback_settle_ms
         return fly_s + record_s, fly_s + columns * (self._scanner.settle_ms * 1e-3 + record_s)
 
+    @property
+    def memory_s(self) -> float:
+        """Get for how long a motion of the mirrors before a line shows in it: every line comes by the centre."""
+        return 0.0
+
     def take(self, plan: Plan, line: LinePlan, revisit: Revisit | None, devices: Devices) -> Captured:
         """Take a line point by point; the revisit is a run of its own after those of the plan."""
         devices.between()

@@ -7,6 +7,7 @@ taken again with a wide window, in a short path of its own.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, runtime_checkable
@@ -29,6 +30,9 @@ from picoradar.instrument.ranging import PlanSettings, PointWindows, Ranges, Win
 IntArray = NDArray[np.int64]
 
 REVISIT_S = 6e-3  # of a point that is monitored: record and settling
+BEAT_S = 1e-3  # a frame of USB at full speed; eight microframes at high speed (USB 2.0, section 5.3.3)
+BEAT_SHARE = 0.05  # of a beat: past the start of a frame, so that rounding does not move a line into another one
+FORGOTTEN_AFTER = 4.0  # settling times of a fly-back, after which a motion has left no trace
 
 
 @runtime_checkable
@@ -102,6 +106,11 @@ class WindowCapture:
         (wide,) = self._planner.wide([0])
         return 2 * 2 * (wide.reference.samples + wide.echo.samples)
 
+    @property
+    def memory_s(self) -> float:
+        """Get for how long a motion of the mirrors before a line shows in it: until it is below the last bit."""
+        return FORGOTTEN_AFTER * self._scanner.flyback_settle_ms * 1e-3
+
     def configure(self, sampler: Sampler) -> None:
         """Tell the sampler that records are taken in windows, at the edges of its advance input."""
         _windows_of(sampler).configure_windows(
@@ -124,6 +133,7 @@ class WindowCapture:
 
     def take(self, plan: Plan, line: LinePlan, revisit: Revisit | None, devices: Devices) -> Captured:
         """Take a line in one path, and again those of its points whose echo was not in its window."""
+        self._wait_for_beat()
         calibration, left_s = self._setup.calibration, self._setup.clock.now()
         devices.galvo.move(int(line.lead_in[0]), int(line.lead_in[1]))  # settles while the line is planned and sent
         points = self._planner.line()
@@ -154,6 +164,15 @@ class WindowCapture:
             revisit=None if revisit is None else self._ranges_of(records[-1], targets[-1].point),
             windows=windows,
         )
+
+    def _wait_for_beat(self) -> None:
+        """Begin at the same instant of a millisecond as every line: that is the beat of the USB frames.
+
+        How long the mirrors have rested before they leave for this line then does not depend on when it is taken.
+        """
+        now_s = self._setup.clock.now()
+        beat_s = (math.floor(now_s / BEAT_S) + BEAT_SHARE) * BEAT_S
+        self._setup.clock.sleep(beat_s - now_s if beat_s >= now_s else beat_s + BEAT_S - now_s)
 
     def _targets(self, codes: IntArray, points: Sequence[PointWindows]) -> list[_Target]:
         settle_ms = self._scanner.window_settle_ms
