@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from picoradar.registration.model import Surface
+from picoradar.registration.model import Place, Surface, sphere_centres
 from picoradar.registration.model.hollows import Socket, find_sockets
-from picoradar.registration.settings import HollowSettings
+from picoradar.registration.model.views import as_scanned, opening
+from picoradar.registration.settings import HollowSettings, PreparationSettings, SphereSettings, ViewSettings
 
 SETTINGS = HollowSettings()
 Mesh = tuple[np.ndarray, np.ndarray]
@@ -84,3 +87,45 @@ def test_hollows_with_centres_nearer_than_half_a_radius_are_one(apart_mm: float,
 def test_fewer_than_thirty_faces_on_a_sphere_are_chance(spokes: int, count: int) -> None:
     """Three rings: five faces a spoke."""
     assert len(sockets_of(bowl(15.0, spokes=spokes))) == count
+
+
+def test_a_hollow_that_nothing_opens_keeps_the_axis_of_its_own() -> None:
+    """A few free directions of four hundred may point anywhere; those of a bowl show its opening."""
+    ball = bowl(25.0, 179.9)
+    socket = Socket(np.zeros(3), 25.0, np.array([0.6, 0.0, 0.8]), 1.0)
+    np.testing.assert_array_equal(opening(Surface(*ball), socket, ViewSettings()), socket.axis)
+    np.testing.assert_allclose(opening(Surface(*bowl(25.0)), socket, ViewSettings()), [0.0, 0.0, 1.0], atol=0.02)
+
+
+def test_the_sphere_that_a_scan_shows_is_near_that_of_the_socket() -> None:
+    """Else another hollow was seen: the socket's own fit stands in."""
+    socket = Socket(np.array([3.0, 0.0, 0.0]), 25.0, np.array([0.0, 0.0, 1.0]), 1.0)  # 3 mm beside the bowl
+    surface, usual = Surface(*bowl(25.0)), PreparationSettings()
+    centre, radius_mm = as_scanned(surface, socket, socket.axis, usual)
+    np.testing.assert_allclose(centre, 0.0, atol=0.3)
+    assert radius_mm == 25.0
+    strict = replace(usual, view=replace(usual.view, max_centre_shift_radii=0.1))
+    assert as_scanned(surface, socket, socket.axis, strict) == (socket.centre, 25.0)
+
+
+@pytest.mark.parametrize(("off_mm", "turn_deg", "shared"), [(9.0, 2.0, True), (11.0, 2.0, False), (9.0, 40.0, False)])
+def test_starts_that_look_at_one_place_from_one_side_share_a_view(
+    off_mm: float, turn_deg: float, *, shared: bool
+) -> None:
+    """Cells of 20 mm, and 120 directions some 18 deg apart."""
+    settings, turn = ViewSettings(), np.radians(turn_deg)
+    one = Place.of(np.zeros(3), np.array([0.0, 0.0, 1.0]), 41.0, settings)
+    other = Place.of(np.array([off_mm, 0, 0]), np.array([np.sin(turn), 0.0, np.cos(turn)]), 41.0, settings)
+    assert (one == other) == shared
+
+
+def test_two_spheres_in_a_cloud_have_two_centres_and_one_has_one() -> None:
+    """Forty of eight hundred hypotheses are settled, and those that end at one place count once."""
+    one, other = bowl(25.0)[0], bowl(25.0, at=(40.0, 0.0, 0.0))[0]
+    up = np.array([0.0, 0.0, 1.0])
+    cloud = np.concatenate([one, other])
+    cloud += np.random.default_rng(0).normal(0.0, 0.3, cloud.shape)
+    found = sphere_centres(cloud, up, 25.0, SphereSettings())
+    assert 2 <= len(found) <= 3
+    assert sorted(round(centre[0]) for centre in found[:2]) == [0, 40]
+    assert len(sphere_centres(one, up, 25.0, SphereSettings())) == 1
