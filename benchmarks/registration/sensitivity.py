@@ -152,14 +152,13 @@ def explained(idle: list[str]) -> list[str]:
     lines = ["", "| idle field | what input it is for | test |", "|---|---|---|"]
     known: set[str] = set()
     for guard in tomllib.loads(GUARDS.read_text(encoding="utf-8"))["guard"]:
-        file, _, name = guard["test"].partition("::")
-        if f"def {name}(" not in (ROOT / file).read_text(encoding="utf-8"):
-            raise ValueError(f"{GUARDS}: there is no test {guard['test']}; name another one of {guard['fields']}")
         known.update(guard["fields"])
-        if fields := [name for name in guard["fields"] if name in idle]:
-            lines.append(
-                f"| {', '.join(fields)} | {guard['why']} | `{guard['test'].removeprefix('tests/registration/')}` |"
-            )
+        if not (fields := [name for name in guard["fields"] if name in idle]):
+            continue
+        file, _, test = guard["test"].partition("::")
+        if f"def {test}(" not in (ROOT / file).read_text(encoding="utf-8"):
+            raise ValueError(f"{GUARDS}: there is no test {guard['test']}; name another one of {guard['fields']}")
+        lines.append(f"| {', '.join(fields)} | {guard['why']} | `{Path(file).name}::{test}` |")
     if missing := [name for name in idle if name not in known]:
         lines.append(f"| {', '.join(missing)} | not known: explain or remove | |")
     return lines if idle else []
