@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
+from collections.abc import Callable
 from typing import Any, Protocol, TextIO
 
 JsonObject = dict[str, Any]
@@ -29,17 +30,25 @@ class Log(Protocol):
         """Write a failure that a person must act on."""
 
 
-def configure(level: int = logging.WARNING, stream: TextIO | None = None) -> None:
+def configure(
+    level: int = logging.WARNING, stream: TextIO | None = None, keep: Callable[..., Any] | None = None
+) -> None:
     """Send events of at least ``level`` to ``stream`` (default: stderr), one line each.
 
-    A terminal gets aligned text, anything else JSON. Without this call structlog's defaults hold.
+    A terminal gets aligned text, anything else JSON. Without this call structlog's defaults hold. ``keep`` is a
+    processor of structlog that gets each event before it is written (`picoradar.instrument.incidents`).
     """
     import structlog  # here and below, because it makes --help slow
 
     out = sys.stderr if stream is None else stream
     renderer: Any = structlog.dev.ConsoleRenderer() if out.isatty() else structlog.processors.JSONRenderer()
     structlog.configure(
-        processors=[structlog.contextvars.merge_contextvars, structlog.processors.add_log_level, renderer],
+        processors=[
+            structlog.contextvars.merge_contextvars,
+            structlog.processors.add_log_level,
+            *([keep] if keep is not None else []),
+            renderer,
+        ],
         wrapper_class=structlog.make_filtering_bound_logger(level),
         logger_factory=structlog.WriteLoggerFactory(file=out),
         cache_logger_on_first_use=False,

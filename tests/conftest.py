@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import tempfile
+
 import pytest
+
+# The incidents that tests provoke are none of this computer's radar; programs that tests start inherit this.
+os.environ["PICORADAR_LOG"] = tempfile.mkdtemp(prefix="picoradar-incidents-")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -40,9 +40,10 @@ def common(
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
         return
-    from picoradar.instrument import events
+    from picoradar.instrument import events, incidents
 
-    events.configure(logging.INFO if verbose else logging.WARNING)
+    keep = incidents.IncidentLog(incidents.log_file())
+    events.configure(logging.INFO if verbose else logging.WARNING, keep=keep)
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -100,6 +101,10 @@ def _usage(error: Exception) -> str:
 
 def _failed(arguments: list[str], code: int, message: str) -> int:
     line = " ".join(message.split())
+    if code in (output.EXIT_DEVICE, output.EXIT_INTERLOCK):
+        from picoradar.instrument import incidents
+
+        incidents.note("command ended", exit_status=code, error=line)
     sys.stderr.write(f"picoradar: {line}\n")
     if "--json" in arguments:
         output.print_json({"error": line, "exit_status": code})

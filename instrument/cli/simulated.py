@@ -14,6 +14,7 @@ from picoradar.instrument.line import Flag
 from picoradar.instrument.recording import Cloud
 from picoradar.instrument.settings import Links, Settings, describe_errors
 
+HAND_S = 1.0  # that the simulated person takes
 NO_SINGLE_ECHO = Flag.MIXED | Flag.CLIPPED | Flag.OVERLAPPED | Flag.MOTION
 
 
@@ -88,6 +89,11 @@ class Simulated:
     def model(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Get vertices (V, 3) and faces (F, 3) of the target in its own frame, mm: the preoperative model."""
         return self.bench.bare_target.vertices, self.bench.bare_target.faces
+
+    def move_interlock(self, told: str) -> None:
+        """Open or close the lid, as the person at the bench is told, a moment later."""
+        closed = not told.startswith("open")
+        self.clock.call_at(self.clock.now() + HAND_S, lambda: setattr(self.bench.interlock, "closed", closed))
 
     def landmarks(self) -> list[dict[str, object]]:
         """Get three landmark pairs as clicked by a person, with a few mm of error in the scan."""

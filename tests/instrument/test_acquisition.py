@@ -153,6 +153,8 @@ class KnownLines:
     def configure(self, sampler: Any) -> None:
         """Do nothing."""
 
+    memory_s = 0.0
+
     def times_s(self, columns: int) -> tuple[float, float]:
         return 1.0, float(columns)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from picoradar.instrument.settings import Settings
 
 
+SHOWN_INCIDENTS = 5
+
+
 def add_to(app: typer.Typer) -> None:
     """Register the subcommand."""
     app.command(epilog="Examples: picoradar doctor --settings bench.toml\n\npicoradar doctor --json")(doctor)
@@ -27,16 +30,24 @@ def doctor(
         bool,
         typer.Option("--acknowledge", help="Unlock the bridge's gate and reset the TEC's error, causes removed."),
     ] = False,
+    interlock: Annotated[
+        bool,
+        typer.Option("--interlock", help="Wait for the interlock to be opened by hand; bridge and supply must see it."),
+    ] = False,
     transcript: transcripts.TranscriptFile = None,
     json: options.Json = False,
 ) -> None:
     """Open and identify every device, check limits and permissions; the laser stays off."""
-    from picoradar.instrument.bench import examine
+    from picoradar.instrument import incidents
+    from picoradar.instrument.bench import check_interlock, examine
     from picoradar.instrument.settings import Settings, load_settings
 
     wanted = Settings() if settings is None else load_settings(settings)
-    with _maker(wanted, transcript) as make:
+    with _maker(wanted, transcript) as (make, hand):
         found = list(_shown(examine(wanted, make, acknowledge=acknowledge), quiet=json))
+        if interlock and all(f.ok for f in found):
+            found += _shown(check_interlock(make, hand), quiet=json)
+    past = incidents.last_incidents(SHOWN_INCIDENTS)
     if json:
         rows = [
             {
@@ -49,26 +60,34 @@ def doctor(
             }
             for f in found
         ]
-        output.print_json({"devices": rows, "ok": all(f.ok for f in found)})
+        logged = {"file": str(incidents.log_file()), "last": past}
+        output.print_json({"devices": rows, "ok": all(f.ok for f in found), "incidents": logged})
+    elif past:
+        output.console().print(f"last incidents, from {incidents.log_file()}:", soft_wrap=True)
+        for incident in past:
+            what = " ".join(str(incident.get(key, "")) for key in ("time", "level", "event", "cause", "error"))
+            output.console().print(f"  {what.strip()}", soft_wrap=True, markup=False)
     if not all(f.ok for f in found):
         raise typer.Exit(output.EXIT_DEVICE)
 
 
 @contextmanager
-def _maker(settings: Settings, transcript: Path | None) -> Iterator[DeviceMaker]:
-    """Make the maker of the devices: real ones, or those of the simulated bench in this process."""
+def _maker(settings: Settings, transcript: Path | None) -> Iterator[tuple[DeviceMaker, Callable[[str], None]]]:
+    """Make the maker of the devices, real or simulated, and what tells the person at the interlock what to do."""
     from picoradar.drivers.clock import ScaledClock
     from picoradar.instrument.bench import DeviceMaker
 
     with transcripts.transcript_to(transcript) as written:
         if settings.bench == "devices":
-            yield DeviceMaker(settings.links, ScaledClock(settings.links.speed), transcript=written)
+            tell = output.console().print
+            yield DeviceMaker(settings.links, ScaledClock(settings.links.speed), transcript=written), tell
             return
         from picoradar.instrument.cli.simulated import Simulated
 
         simulated = Simulated(settings, None)
         try:
-            yield DeviceMaker(simulated.links, simulated.clock, simulated.usb_backend, written)
+            make = DeviceMaker(simulated.links, simulated.clock, simulated.usb_backend, written)
+            yield make, simulated.move_interlock
         finally:
             simulated.close()
 
