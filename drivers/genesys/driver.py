@@ -148,7 +148,11 @@ class Genesys(GenesysSession):
         self.unsolicited = 0
         self._open_line(END)
         self.command(f"ADR {self.address}")
-        self.rated_v, self.rated_a = self._rating(self.query("IDN?"))
+        model = self.query("IDN?")
+        if model == "OK":  # to the end of line above, so late that every answer belongs to the question before
+            self._synchronised = False
+            model = self.query("IDN?")
+        self.rated_v, self.rated_a = self._rating(model)
         self.remote = Remote.REM
         self.found_on = ("supply",) if self.output else ()
         self.auto_start = False

@@ -21,6 +21,7 @@ from picoradar.drivers.genesys.wire import (
     unsolicited_from,
 )
 from picoradar.sim.firmware.genesys import GenesysFirmware
+from picoradar.sim.taps import SerialTap
 from picoradar.sim.wires import InterlockChain
 
 GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "genesys.toml").read_text())
@@ -321,6 +322,24 @@ def test_foldback_shuts_the_output_down(supply, clock):
     supply.current_a = 0.1
     supply.switch(on=True)
     assert supply.fault == Fault(0)
+
+
+def test_a_late_answer_to_the_line_end_that_opens_shifts_nothing(connect, firmware):
+    tap = SerialTap(firmware)
+    late_s: list[float] = []
+
+    def delayed(data, delay_s):
+        return [(data, delay_s + (late_s.pop() if late_s else 0.0))]
+
+    tap.to_host.append(delayed)
+    supply = Genesys(connect(tap))
+    supply.open()
+    supply.close()
+    late_s.append(0.2)  # a unit that is still selected answers the line end too, here after the driver's quiet time
+    supply.open()
+    assert not late_s
+    assert (supply.rated_v, supply.output) == (600.0, False)
+    assert supply.identify().serial_number == "0123456"
 
 
 def test_late_reply_does_not_answer_the_next_message(scripted):
