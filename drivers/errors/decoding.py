@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import struct
+import tokenize
 import tomllib
 import zipfile
 import zlib
@@ -25,6 +26,7 @@ DECODER_ERRORS: tuple[type[Exception], ...] = (
     RuntimeError,  # also RecursionError, and what zipfile does not implement
     SyntaxError,  # headers of NumPy arrays
     struct.error,
+    tokenize.TokenError,  # headers of NumPy arrays, too
     zipfile.BadZipFile,
     zlib.error,
 )

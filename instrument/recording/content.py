@@ -7,7 +7,7 @@ from pathlib import Path
 
 from picoradar.drivers.errors import parse_json
 from picoradar.instrument.events import JsonObject
-from picoradar.instrument.recording.errors import RecordingError, from_sqlite
+from picoradar.instrument.recording.errors import READING_ERRORS, RecordingError, from_sqlite
 from picoradar.instrument.recording.findings import Event
 from picoradar.instrument.recording.limits import LARGEST_VALUE_BYTES, TABLES
 
@@ -31,7 +31,7 @@ def refuse_foreign_content(path: Path, connection: sqlite3.Connection) -> None:
     connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LARGEST_VALUE_BYTES)
     try:
         foreign = connection.execute(_FOREIGN, sorted(TABLES)).fetchone()
-    except sqlite3.Error as error:
+    except READING_ERRORS as error:
         raise from_sqlite(path, error) from error
     if foreign is not None:
         raise RecordingError(path, f"has {str(foreign[0])[:60]!r}, which no recording has", FROM_A_COPY)

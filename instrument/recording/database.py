@@ -13,7 +13,7 @@ import sys
 import zlib
 from pathlib import Path
 
-from picoradar.instrument.recording.errors import RecordingError, from_sqlite, primary_code
+from picoradar.instrument.recording.errors import READING_ERRORS, RecordingError, from_sqlite, primary_code
 from picoradar.instrument.recording.schema import APPLICATION_ID, LAYOUT, SCHEMA, WINDOW_TABLE
 
 _BUSY_S = 2.0
@@ -73,7 +73,7 @@ def open_database(path: Path, *, writing: bool) -> sqlite3.Connection:
         raise RecordingError(path, "there is no such file", "give the path of a recording")
     try:
         connection, application, layout = _open_known(path, "rw" if writing else "ro")
-    except sqlite3.Error as error:
+    except READING_ERRORS as error:
         if getattr(error, "sqlite_errorcode", 0) != sqlite3.SQLITE_READONLY_ROLLBACK:
             raise _not_opened(path, error) from error
         connection, application, layout = _open_after_recovery(path)
@@ -109,11 +109,11 @@ def _open_after_recovery(path: Path) -> tuple[sqlite3.Connection, int, int]:
     try:
         _open_known(path, "rw")[0].close()
         return _open_known(path, "ro")
-    except sqlite3.Error as error:
+    except READING_ERRORS as error:
         raise _not_opened(path, error) from error
 
 
-def _not_opened(path: Path, error: sqlite3.Error) -> RecordingError:
+def _not_opened(path: Path, error: Exception) -> RecordingError:
     """A scan that was never closed can only be read where SQLite may write beside it."""
     closed_off = primary_code(error) in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY)
     if closed_off and not os.access(path.parent, os.W_OK):

@@ -31,6 +31,9 @@ _REMEDY = {
     sqlite3.SQLITE_LOCKED: "end the other program first",
 }
 
+READING_ERRORS: tuple[type[sqlite3.Error] | type[UnicodeDecodeError], ...] = (sqlite3.Error, UnicodeDecodeError)
+"""What reading a database may raise; the second where SQLite's own message quotes damaged bytes of the file."""
+
 
 class RecordingError(PicoradarError):
     """A recording cannot be written or read.
@@ -64,17 +67,17 @@ class RecordingError(PicoradarError):
         super().__init__(f"{where}: {what}{safe}" + (f" ({remedy})" if remedy else ""))
 
 
-def primary_code(error: sqlite3.Error | OSError) -> int:
+def primary_code(error: Exception) -> int:
     """Return SQLite's primary result code; an error of the operating system counts as input/output error."""
+    if isinstance(error, UnicodeDecodeError):
+        return sqlite3.SQLITE_CORRUPT
     if isinstance(error, OSError):
         return sqlite3.SQLITE_IOERR
     code: int = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR)
     return code & 0xFF
 
 
-def from_sqlite(
-    file: Path, error: sqlite3.Error | OSError, *, line: int | None = None, kept: int | None = None
-) -> RecordingError:
+def from_sqlite(file: Path, error: Exception, *, line: int | None = None, kept: int | None = None) -> RecordingError:
     """Put an error of SQLite into the words of the recording, with SQLite's own text."""
     code = primary_code(error)
     words = _WORDS.get(code)

@@ -19,7 +19,7 @@ from picoradar.instrument.line import ScanLine
 from picoradar.instrument.recording import rows
 from picoradar.instrument.recording.cloud import Cloud, cloud_of
 from picoradar.instrument.recording.content import FROM_A_COPY, event_of, json_object, refuse_foreign_content
-from picoradar.instrument.recording.errors import SALVAGE, RecordingError, from_sqlite
+from picoradar.instrument.recording.errors import READING_ERRORS, SALVAGE, RecordingError, from_sqlite
 from picoradar.instrument.recording.findings import Event, LineCheck
 from picoradar.instrument.recording.header import TraceForm, checked_header
 
@@ -151,7 +151,7 @@ class Reader:
             if not 0 <= index < self.raster["rows"]:
                 raise RecordingError(self.path, f"the raster has the lines 0 to {self.raster['rows'] - 1}", line=index)
             return rows.unpack(rows.Rows(found, *raw), self._form)
-        except sqlite3.Error as error:
+        except READING_ERRORS as error:
             raise from_sqlite(self.path, error, line=index) from error
         except DECODER_ERRORS as error:
             raise RecordingError(self.path, f"the line is damaged: {decoder_words(error)}", line=index) from error
@@ -229,7 +229,7 @@ class Reader:
         try:
             with self._lock:
                 return self._connection.execute(query).fetchall()
-        except sqlite3.Error as error:
+        except READING_ERRORS as error:
             raise from_sqlite(self.path, error) from error
 
     def _value(self, query: str) -> Any:

@@ -51,6 +51,8 @@ def load_model(path: str | os.PathLike[str]) -> Model:
         model = prepare_model(vertices, faces, name=file.name)
     except MeshError as error:
         raise MeshError(f"{file}: {error}") from error
+    except MemoryError as error:
+        raise MeshError(f"{file}: its preparation needs more memory than there is; simplify the surface") from error
     cache.store_key(file_key, model.key)
     return model
 

@@ -13,6 +13,10 @@ from picoradar.registration.errors import MeshError
 MIN_AREA_SHARE = 1e-14
 """Faces with a smaller share of the squared size of the mesh have no area but for rounding."""
 
+SMALLEST_EXTENT_MM, LARGEST_EXTENT_MM = 1.0, 1000.0
+"""Longest edge of a model's bounding box, mm: below it is in metres; above it is farther than the radar reaches
+(dissertation, chapter 1), in micrometres, or has a vertex astray. The preparation's memory goes with the volume."""
+
 
 @dataclass(frozen=True)
 class MeshReport:
@@ -63,7 +67,7 @@ def validated(vertices: npt.ArrayLike, faces: npt.ArrayLike) -> tuple[FloatArray
     Raises
     ------
     MeshError
-        If there is no surface, coordinates are not finite, indices are out of range, or the size says metres.
+        If there is no surface, coordinates are not finite, indices are out of range, or the size says another unit.
     """
     v, f = _checked_arrays(vertices, faces)
     extent = v[np.unique(f)].max(axis=0) - v[np.unique(f)].min(axis=0)
@@ -143,10 +147,15 @@ def _checked_arrays(vertices: npt.ArrayLike, faces: npt.ArrayLike) -> tuple[Floa
 
 def _refuse_wrong_unit(extent: FloatArray) -> None:
     longest = float(extent.max())
-    if longest < 1.0:
+    if longest < SMALLEST_EXTENT_MM:
         raise MeshError(
             f"the largest edge of the model's bounding box is {longest:.3g}: the model seems to be in metres; "
             "scale it by 1000 so that it is in millimetres"
+        )
+    if longest > LARGEST_EXTENT_MM:
+        raise MeshError(
+            f"the largest edge of the model's bounding box is {longest:.4g} mm, more than {LARGEST_EXTENT_MM:g}: "
+            "the model is in another unit, or a vertex lies far outside; scale it, or leave that vertex out"
         )
 
 

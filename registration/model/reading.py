@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,7 @@ def read_mesh(file: Path, content: bytes) -> tuple[FloatArray, IntArray]:
 def _with_trimesh(suffix: str, content: bytes) -> tuple[FloatArray, IntArray]:
     import trimesh
 
+    trimesh.util.log.setLevel(logging.CRITICAL)  # it shows tracebacks of what it tries and does without
     try:
         loaded: Any = trimesh.load(
             io.BytesIO(content), file_type=suffix[1:], process=False, skip_materials=True, allow_remote=False

@@ -209,7 +209,7 @@ def named_targets(
                 (str(t.get("name", f"target {i + 1}")), np.asarray(t["position"], dtype=np.float64).reshape(3))
                 for i, t in enumerate(targets)
             ]
-        except (KeyError, ValueError) as error:
+        except (KeyError, TypeError, ValueError) as error:
             raise RegistrationError(
                 f'a target is a dict with "position": [x, y, z] in mm and "name" ({error})'
             ) from error

@@ -210,6 +210,15 @@ def test_a_view_that_never_ends_in_place_of_the_lines(file: Path) -> None:
         Recording.open(file)
 
 
+def test_a_schema_whose_bytes_are_no_text(file: Path) -> None:
+    """SQLite quotes them in its message, which Python then cannot decode."""
+    content = file.read_bytes()
+    assert b"TABLE line (" in content
+    file.write_bytes(content.replace(b"TABLE line (", b"TABLE \xffine ("))
+    with pytest.raises(RecordingError, match="the file is damaged"):
+        Recording.open(file)
+
+
 def peak_bytes(use: Callable[[], object]) -> int:
     tracemalloc.start()
     try:

@@ -17,6 +17,8 @@ import pytest
 import trimesh
 
 from picoradar.registration.errors import MeshError
+from picoradar.registration.model import load_model
+from picoradar.registration.model.mesh import validated
 from picoradar.registration.model.reading import read_mesh
 
 BODY = trimesh.creation.icosphere(subdivisions=2, radius=30.0)
@@ -48,6 +50,15 @@ def test_a_text_stl_with_a_name_in_any_encoding(name: bytes) -> None:
     vertices, faces = read_mesh(Path("model.stl"), stl_text(name))
     assert len(faces) == len(BODY.faces)
     assert np.allclose(vertices[faces], BODY.triangles, atol=1e-5)
+
+
+def test_a_normal_that_is_none_costs_no_traceback_in_the_log(
+    caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = stl_text(b"hip").replace(b"normal ", b"normal x", 1)
+    vertices, faces = read_mesh(Path("model.stl"), content)
+    assert np.allclose(vertices[faces], BODY.triangles, atol=1e-5)
+    assert "Traceback" not in caplog.text + capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("suffix", "comment"), [(".obj", b"# Patient M\xfcller\n"), (".ply", b"comment M\xfcller\n")])
@@ -189,3 +200,27 @@ def test_files_beside_a_model_are_not_opened(tmp_path: Path) -> None:
     content = b"mtllib skin.mtl\nusemtl skin\n" + BODY.export(file_type="obj").encode()
     vertices, faces = read_mesh(tmp_path / "model.obj", content)
     assert np.allclose(vertices[faces], BODY.triangles, atol=1e-5)
+
+
+@pytest.mark.parametrize(("scale", "words"), [(1e-4, "in metres"), (1e3, "is in another unit"), (1e30, "another unit")])
+def test_a_model_in_another_unit_is_refused_before_it_is_prepared(scale: float, words: str) -> None:
+    """Preparation takes memory by the volume: a single vertex astray cost gigabytes."""
+    with pytest.raises(MeshError, match=words):
+        validated(BODY.vertices * scale, BODY.faces)
+    astray = BODY.vertices.copy()
+    astray[0] *= scale
+    if scale > 1.0:
+        with pytest.raises(MeshError, match=words):
+            validated(astray, BODY.faces)
+
+
+def test_memory_that_is_not_there_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def none(*_: object, **__: object) -> None:
+        raise MemoryError
+
+    path = tmp_path / "model.stl"
+    path.write_bytes(BODY.export(file_type="stl"))
+    monkeypatch.setenv("PICORADAR_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("picoradar.registration.model.prepared.find_views", none)
+    with pytest.raises(MeshError, match="needs more memory than there is"):
+        load_model(path)

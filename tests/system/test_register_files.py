@@ -16,6 +16,7 @@ from picoradar.instrument.cli.main import run
         ("--targets", '[{"name": "rim", "position": [0, NaN, 1]}]', "rim is at"),
         ("--targets", "[" * 200_000, "nested too deeply"),
         ("--targets", f'[{{"name": "rim", "position": [0, {"9" * 5000}, 1]}}]', "4300 digits"),
+        ("--targets", '[{"name": "rim", "position": [{}, 0, 1]}]', "a target is a dict"),
         ("--exclude", "[" * 40 + "]" * 40, "nested deeper than 32"),
         ("--landmarks", "[{}, null]", "JSON list of objects"),
         ("--landmarks", '[{"scanner": [0, NaN, 1], "model": [0, 0, 0]}]', "finite"),
