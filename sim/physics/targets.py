@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from picoradar.sim.physics.materials import BONE_MOIST, GRAY_PAINT, WHITE, Material, paint
+from picoradar.sim.physics.mesh_file import read_mesh_file
 from picoradar.sim.physics.noise import Noise
 from picoradar.sim.physics.scene import FloatArray, Scene, Target
 from picoradar.sim.physics.tissue import add_tissue, decorate
@@ -227,21 +228,7 @@ def _strips(name: str, edges_mm: FloatArray, heights_mm: FloatArray, materials: 
 
 
 def _from_file(name: str, path: str) -> Target:
-    import trimesh
-
     if not Path(path).is_file():
         known = ", ".join(_BODIES)
         raise ValueError(f"target {path}: neither a body of the bench ({known}) nor a mesh file")
-    try:
-        mesh = trimesh.load_mesh(path, process=False)  # processing would drop NaN in silence
-    except Exception as error:  # a reader may fail in any way on a damaged file; all mean the same here
-        raise ValueError(f"target {path}: no readable mesh ({error}); give an STL, PLY, OBJ or GLB file") from error
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise ValueError(f"target {path}: holds no triangles; give a surface mesh")
-    vertices = np.array(mesh.vertices, dtype=np.float64)
-    if not np.isfinite(vertices).all():
-        raise ValueError(f"target {path}: {np.count_nonzero(~np.isfinite(vertices))} coordinates are NaN or infinite")
-    size = float(np.ptp(vertices, axis=0).max())
-    if size < 1.0:
-        raise ValueError(f"target {path}: only {size:.3g} mm across; is it in metres? scale it to millimetres")
-    return _body(name, vertices, np.array(mesh.faces, dtype=np.int64), BONE_MOIST)
+    return _body(name, *read_mesh_file(path), BONE_MOIST)

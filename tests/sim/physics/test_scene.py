@@ -212,6 +212,13 @@ def test_a_file_that_is_no_mesh_is_refused(tmp_path, content, message):
         load_target(str(path))
 
 
+def test_a_text_file_with_a_name_in_latin_1_is_read(tmp_path):
+    path = tmp_path / "hip.stl"
+    body = trimesh.creation.box((20, 20, 20))
+    path.write_bytes(body.export(file_type="stl_ascii").encode().replace(b"solid", b"solid H\xfcfte", 1))
+    assert np.ptp(load_target(str(path)).vertices, axis=0).tolist() == [20, 20, 20]
+
+
 def test_a_mesh_in_metres_or_with_nan_is_refused(tmp_path):
     small = tmp_path / "small.stl"
     trimesh.creation.box((0.02, 0.02, 0.02)).export(small)
