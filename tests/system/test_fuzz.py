@@ -16,7 +16,7 @@ from benchmarks.fuzz.worker import Campaign, judged
 
 ROOT = Path(__file__).resolve().parents[2]
 RUN = ROOT / "benchmarks" / "fuzz" / "run.py"
-SAMPLE = 100
+SAMPLE = 60
 
 
 @pytest.mark.parametrize("name", list(FORMATS))
