@@ -12,9 +12,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from picoradar.instrument.recording.content import json_object
+from picoradar.instrument.recording.content import json_object, refuse_foreign_content
 from picoradar.instrument.recording.database import create_database
-from picoradar.instrument.recording.errors import RecordingError
+from picoradar.instrument.recording.errors import READING_ERRORS, RecordingError
 from picoradar.instrument.recording.header import checked_header
 from picoradar.instrument.recording.recording import Recording
 
@@ -54,6 +54,7 @@ def salvage(path: Path) -> tuple[Path, list[int], list[int]]:
         whole = Path(folder) / path.name
         _copy_padded(path, whole)
         with closing(sqlite3.connect(f"{whole.resolve().as_uri()}?mode=rw", uri=True, isolation_level=None)) as source:
+            refuse_foreign_content(path, source)
             header = _header(path, source)
             with closing(create_database(new, header)) as target:
                 for row in range(checked_header(json_object(path, header, "the header"))["raster"]["rows"]):
@@ -91,7 +92,7 @@ def _header(path: Path, source: sqlite3.Connection) -> str:
     for table in ("scan", "spare_header"):
         try:
             found = source.execute(f"SELECT header, header_crc32 FROM {table}").fetchone()
-        except sqlite3.Error as error:
+        except READING_ERRORS as error:
             why = str(error)
             continue
         if found is not None and isinstance(found[0], str) and zlib.crc32(found[0].encode()) == found[1]:
@@ -102,7 +103,7 @@ def _header(path: Path, source: sqlite3.Connection) -> str:
 def _copy_line(source: sqlite3.Connection, target: sqlite3.Connection, row: int) -> None:
     """Copy a line, and its raw samples where they read."""
     for table in TABLES:
-        with suppress(sqlite3.Error):
+        with suppress(*READING_ERRORS):
             found = source.execute(f"SELECT * FROM {table} WHERE k = ?", (row,)).fetchone()
             if found is not None:  # the raw samples of a line that does not read are refused: they refer to it
                 target.execute(f"INSERT INTO {table} VALUES ({', '.join('?' * len(found))})", found)
@@ -113,7 +114,7 @@ def _events(source: sqlite3.Connection) -> Iterator[Any]:
     while missed < MAX_EVENTS_MISSED:
         number += 1
         found = None
-        with suppress(sqlite3.Error):
+        with suppress(*READING_ERRORS):
             found = source.execute("SELECT id, t, kind, state, data FROM event WHERE id = ?", (number,)).fetchone()
         missed = 0 if found is not None else missed + 1
         if found is not None:

@@ -19,6 +19,7 @@ from picoradar.instrument.line import ScanLine
 from picoradar.instrument.recording import Recording, RecordingError
 from picoradar.instrument.recording.layout import Wave, compressed, decode_wave, decompressed, line_crc32
 from picoradar.instrument.recording.limits import LARGEST_LINE_BYTES
+from picoradar.instrument.recording.salvage import salvage
 
 HEADER = {
     "raster": {"rows": 3, "columns": 2, "step_mm": 1.0, "mode": "sweep", "averages": 8},
@@ -208,6 +209,9 @@ def test_a_view_that_never_ends_in_place_of_the_lines(file: Path) -> None:
     change(file, ("DROP TABLE line", ()), (f"CREATE VIEW line AS {endless}", ()))
     with pytest.raises(RecordingError, match="has 'line', which no recording has"):
         Recording.open(file)
+    with pytest.raises(RecordingError, match="has 'line', which no recording has"):
+        salvage(file)
+    assert not list(file.parent.glob("*salvaged*"))
 
 
 def test_a_schema_whose_bytes_are_no_text(file: Path) -> None:
@@ -215,8 +219,9 @@ def test_a_schema_whose_bytes_are_no_text(file: Path) -> None:
     content = file.read_bytes()
     assert b"TABLE line (" in content
     file.write_bytes(content.replace(b"TABLE line (", b"TABLE \xffine ("))
-    with pytest.raises(RecordingError, match="the file is damaged"):
-        Recording.open(file)
+    for use in (Recording.open, salvage):
+        with pytest.raises(RecordingError, match="the file is damaged"):
+            use(file)
 
 
 def peak_bytes(use: Callable[[], object]) -> int:
