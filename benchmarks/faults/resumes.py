@@ -44,7 +44,7 @@ def scan_until(lines: int, arguments: list[str]) -> int:
 
 
 def campaign(grid: str, mode: str, seed: int) -> list[bool]:
-    """Kill after each line but the last; returns for each whether the resumed scan is the same."""
+    """Kill after each line; returns for each whether the resumed scan is the same."""
     same = []
     with tempfile.TemporaryDirectory() as name:
         scan = ["scan", "--grid", grid, "--mode", mode, "--seed", str(seed), "--json", "-o"]
@@ -52,7 +52,7 @@ def campaign(grid: str, mode: str, seed: int) -> list[bool]:
         if in_a_process(lambda: quiet([*scan, str(whole)])):
             raise RuntimeError("the scan without interruption failed")
         wanted = content(whole)
-        for lines in range(1, int(grid.split("x")[0])):
+        for lines in range(1, int(grid.split("x")[0]) + 1):
             path = Path(name) / f"{lines}.db"
             killed = in_a_process(lambda path=path, lines=lines: scan_until(lines, [*scan, str(path)]))  # type: ignore[misc]
             if killed != -signal.SIGKILL:
