@@ -150,8 +150,7 @@ class Acquisition:
 
     def recall(self, row: int) -> JsonObject:
         """Go back to what was known before a row; returns what was recorded then, empty when nothing is."""
-        state = self._resumption.state_before(row)
-        if state:
+        if state := self._resumption.state_before(row):
             self.load_state(state)
         return state
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NoReturn, TypeVar, cast
+from typing import NoReturn, TypeVar, cast
 
 from picoradar.drivers.clock import Clock
 from picoradar.drivers.errors import DeviceError, LinkLost
@@ -27,7 +27,7 @@ class Missing:
     def __getattr__(self, verb: str) -> Callable[..., NoReturn]:
         """Get any verb of a device; to call it raises `LinkLost`."""
 
-        def refuse(*_: Any, **__: Any) -> NoReturn:
+        def refuse(*_: object, **__: object) -> NoReturn:
             raise self._error
 
         return refuse

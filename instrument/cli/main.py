@@ -40,9 +40,9 @@ def common(
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
         return
-    from picoradar.instrument import events, incidents
+    from picoradar.instrument import events
 
-    keep = incidents.IncidentLog(incidents.log_file())
+    keep = events.IncidentLog(events.log_file())
     events.configure(logging.INFO if verbose else logging.WARNING, keep=keep)
 
 
@@ -102,9 +102,9 @@ def _usage(error: Exception) -> str:
 def _failed(arguments: list[str], code: int, message: str) -> int:
     line = " ".join(message.split())
     if code in (output.EXIT_DEVICE, output.EXIT_INTERLOCK):
-        from picoradar.instrument import incidents
+        from picoradar.instrument import events
 
-        incidents.note("command ended", exit_status=code, error=line)
+        events.note_incident("command ended", exit_status=code, error=line)
     sys.stderr.write(f"picoradar: {line}\n")
     if "--json" in arguments:
         output.print_json({"error": line, "exit_status": code})

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from picoradar.instrument import incidents
 from picoradar.instrument.cli.main import run
+from picoradar.instrument.events import incidents
 from picoradar.sim import SimulatedBench
 
 
@@ -55,7 +55,7 @@ def test_the_log_does_not_grow_without_end(log: Path, monkeypatch: pytest.Monkey
 def test_a_log_that_cannot_be_written_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setenv("PICORADAR_LOG", str(tmp_path / "file"))
-    incidents.note("something")
+    incidents.note_incident("something")
     assert incidents.last_incidents(3) == []
 
 

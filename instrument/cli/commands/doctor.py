@@ -38,7 +38,7 @@ def doctor(
     json: options.Json = False,
 ) -> None:
     """Open and identify every device, check limits and permissions; the laser stays off."""
-    from picoradar.instrument import incidents
+    from picoradar.instrument import events
     from picoradar.instrument.bench import check_interlock, examine
     from picoradar.instrument.settings import Settings, load_settings
 
@@ -47,7 +47,7 @@ def doctor(
         found = list(_shown(examine(wanted, make, acknowledge=acknowledge), quiet=json))
         if interlock and all(f.ok for f in found):
             found += _shown(check_interlock(make, hand), quiet=json)
-    past = incidents.last_incidents(SHOWN_INCIDENTS)
+    past = events.last_incidents(SHOWN_INCIDENTS)
     if json:
         rows = [
             {
@@ -60,10 +60,10 @@ def doctor(
             }
             for f in found
         ]
-        logged = {"file": str(incidents.log_file()), "last": past}
+        logged = {"file": str(events.log_file()), "last": past}
         output.print_json({"devices": rows, "ok": all(f.ok for f in found), "incidents": logged})
     elif past:
-        output.console().print(f"last incidents, from {incidents.log_file()}:", soft_wrap=True)
+        output.console().print(f"last incidents, from {events.log_file()}:", soft_wrap=True)
         for incident in past:
             what = " ".join(str(incident.get(key, "")) for key in ("time", "level", "event", "cause", "error"))
             output.console().print(f"  {what.strip()}", soft_wrap=True, markup=False)

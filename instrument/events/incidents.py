@@ -15,7 +15,8 @@ from collections.abc import MutableMapping
 from datetime import UTC, datetime
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
-from typing import Any
+
+from picoradar.instrument.events.log import JsonObject
 
 MAX_BYTES = 1_000_000  # of one file: some thousand incidents
 OLDER_FILES = 4
@@ -60,14 +61,14 @@ class IncidentLog:
     def __init__(self, file: Path) -> None:
         self._file = file
 
-    def __call__(self, _logger: object, level: str, event: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
+    def __call__(self, _logger: object, level: str, event: MutableMapping[str, object]) -> MutableMapping[str, object]:
         """Keep an event, if it is grave."""
         if level in GRAVE:
             with contextlib.suppress(OSError, ValueError, TypeError):
                 self._write({"time": datetime.now(UTC).isoformat(timespec="milliseconds"), **event})
         return event
 
-    def _write(self, incident: dict[str, Any]) -> None:
+    def _write(self, incident: JsonObject) -> None:
         self._file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         text = json.dumps(incident, default=str)
         handler = _SilentHandler(self._file, maxBytes=MAX_BYTES, backupCount=OLDER_FILES, encoding="utf-8")
@@ -75,12 +76,12 @@ class IncidentLog:
             handler.emit(logging.LogRecord("picoradar", logging.WARNING, "", 0, text, None, None))
 
 
-def note(event: str, **fields: object) -> None:
+def note_incident(event: str, **fields: object) -> None:
     """Write an incident that no logger has seen."""
     IncidentLog(log_file())(None, "error", {"level": "error", "event": event, **fields})
 
 
-def last_incidents(count: int) -> list[dict[str, Any]]:
+def last_incidents(count: int) -> list[JsonObject]:
     """Return the newest incidents, oldest first; empty when there are none or the log cannot be read."""
     try:
         lines = log_file().read_text(encoding="utf-8", errors="replace").splitlines()[-count:]

@@ -36,7 +36,7 @@ def configure(
     """Send events of at least ``level`` to ``stream`` (default: stderr), one line each.
 
     A terminal gets aligned text, anything else JSON. Without this call structlog's defaults hold. ``keep`` is a
-    processor of structlog that gets each event before it is written (`picoradar.instrument.incidents`).
+    processor of structlog that gets each event before it is written (`IncidentLog`).
     """
     import structlog  # here and below, because it makes --help slow
 
