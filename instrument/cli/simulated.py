@@ -108,9 +108,10 @@ class Simulated:
             ``range_rms_mm``, ``range_bias_mm``, ``range_max_mm`` over the ``single_echo_points`` (a mixed, clipped
             or overlapped echo has no one true range), and the true ``model_from_scanner``.
         """
-        found = cloud.with_range()
-        found = found.where((found.flags & np.uint16(NO_SINGLE_ECHO)) == 0)
-        error = found.range_mm - self.bench.truth.ranges_mm(*self._measurements(found))
+        # Numbered before any point is left out: a point that was taken again counts, also when it is mixed.
+        runs, records = self._measurements(cloud)
+        single = cloud.has_range & ((cloud.flags & np.uint16(NO_SINGLE_ECHO)) == 0)
+        error = cloud.range_mm[single] - self.bench.truth.ranges_mm(runs[single], records[single])
         error = error[np.isfinite(error)]
         some = error.size > 0
         return {
@@ -122,7 +123,7 @@ class Simulated:
         }
 
     def _measurements(self, found: Cloud) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Get run id and record number of each point, as the scan modes number them."""
+        """Get run id and record number of each point of whole lines, as the scan modes number them."""
         rows, columns = found.rows.astype(np.int64), found.columns.astype(np.int64)
         if self._scan.mode == "sweep":
             return rows * self._scan.columns + columns + 1, np.zeros_like(rows)

@@ -72,3 +72,22 @@ def test_the_same_seed_gives_the_same_windows(scan: Any) -> None:
             return recording.cloud().points_mm
 
     np.testing.assert_array_equal(cloud("a"), cloud("b"))
+
+
+def test_points_taken_again_are_compared_with_the_truth_of_their_own_shots(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of the points of a prism that are taken again some show two surfaces; they are left out, but were shots as well."""
+    assert (
+        run(["scan", "--target", "prism", "--mode", "window", "--seed", "5", "-o", str(tmp_path / "a.db"), "--json"])
+        == 0
+    )
+    truth = json.loads(capsys.readouterr().out)["truth"]
+    with Recording.open(tmp_path / "a.db") as recording:
+        cloud = recording.cloud()
+    again = (cloud.flags & np.uint16(Flag.RETAKEN)) != 0
+    mixed = (cloud.flags & np.uint16(Flag.MIXED)) != 0
+    assert (again & mixed).any()
+    assert (again & ~mixed).any()
+    assert truth["range_rms_mm"] < 0.25
+    assert truth["range_max_mm"] < 5 * 0.25  # it was 14.8 mm, with the truth of other shots
