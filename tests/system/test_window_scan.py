@@ -78,10 +78,8 @@ def test_points_taken_again_are_compared_with_the_truth_of_their_own_shots(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Of the points of a prism that are taken again some show two surfaces; they are left out, but were shots as well."""
-    assert (
-        run(["scan", "--target", "prism", "--mode", "window", "--seed", "5", "-o", str(tmp_path / "a.db"), "--json"])
-        == 0
-    )
+    scan = ["scan", "--target", "prism", "--mode", "window", "--seed", "5", "--json"]
+    assert run([*scan, "-o", str(tmp_path / "a.db")]) == 0
     truth = json.loads(capsys.readouterr().out)["truth"]
     with Recording.open(tmp_path / "a.db") as recording:
         cloud = recording.cloud()
