@@ -77,7 +77,7 @@ def test_the_same_seed_gives_the_same_windows(scan: Any) -> None:
 def test_points_taken_again_are_compared_with_the_truth_of_their_own_shots(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Of the points of a prism that are taken again some show two surfaces; they are left out, but were shots as well."""
+    """Some points of a prism that are taken again show two surfaces; they are left out, but were shots as well."""
     scan = ["scan", "--target", "prism", "--mode", "window", "--seed", "5", "--json"]
     assert run([*scan, "-o", str(tmp_path / "a.db")]) == 0
     truth = json.loads(capsys.readouterr().out)["truth"]
