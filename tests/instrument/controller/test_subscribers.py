@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from picoradar.instrument.controller import Subscription, subscribers
-from picoradar.instrument.controller.subscribers import VIEWER_QUEUE_LINES, Subscribers
+from picoradar.instrument.controller.subscribers import Subscribers
 
 
 class Log:
@@ -59,9 +59,9 @@ def test_a_viewer_that_is_too_slow_sees_the_newest_lines_and_says_what_it_missed
     for index in range(1, 30):
         feeds.take(line(index))
     go_on.set()
-    missed = 29 - VIEWER_QUEUE_LINES
+    missed = 29 - 8  # a viewer may be eight lines behind
     assert feeds.finish() == {"slow": f"{30 - missed} of 30 lines seen, {missed} skipped"}
-    assert seen == [0, *range(30 - VIEWER_QUEUE_LINES, 30)]
+    assert seen == [0, *range(22, 30)]
 
 
 @pytest.mark.parametrize("error", [ValueError("no display"), SystemExit(1), KeyboardInterrupt()], ids=repr)
@@ -93,6 +93,9 @@ def test_one_that_hangs_for_ever_is_named_and_not_waited_for(every_line: bool, m
     for index in range(4):
         feeds.take(line(index))
     assert feeds.finish() == {"hung": "hangs: 0 of 4 lines seen"}
+    hung = [thread for thread in threading.enumerate() if thread.name == "sink hung"]
+    assert hung
+    assert all(thread.daemon for thread in hung)  # it does not keep the program from ending
 
 
 def test_in_line_they_are_called_at_once_in_the_thread_that_scans() -> None:
