@@ -9,6 +9,7 @@ import json
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -59,10 +60,12 @@ class Watching:
 
     def pytest_runtest_logstart(self) -> None:
         self.here, self.began = set(), time.process_time()
+        threading.settrace(self.trace)  # for threads that the test starts
         sys.settrace(self.trace)
 
     def pytest_runtest_logfinish(self, nodeid: str) -> None:
         sys.settrace(None)
+        threading.settrace(None)  # type: ignore[arg-type]
         self.lines[nodeid], self.seconds[nodeid] = sorted(self.here), time.process_time() - self.began
 
 
