@@ -64,10 +64,12 @@ class Supervisor:
     def _go_on(self) -> None:
         if not self._resumed:
             return
-        now_s, state = self._bench.clock.now(), self._resumed
-        self._all_seen_s = now_s - (state["all_age_s"] or 0.0)
-        self._diode_seen_s = now_s - (state["diode_age_s"] or 0.0)
-        self._first_reference_mv = state["first_reference_mv"]
+        now_s = self._bench.clock.now()
+        # A recording may be damaged, or of an earlier version: what is not a number in it is left as it is.
+        numbers = {name: value for name, value in self._resumed.items() if isinstance(value, (int, float))}
+        self._all_seen_s = now_s - numbers.get("all_age_s", now_s - self._all_seen_s)
+        self._diode_seen_s = now_s - numbers.get("diode_age_s", now_s - self._diode_seen_s)
+        self._first_reference_mv = numbers.get("first_reference_mv", self._first_reference_mv)
         self._resumed = {}
 
     def start_beating(self) -> None:
