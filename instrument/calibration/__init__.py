@@ -1,7 +1,7 @@
 """Calibrations: the file, its parts, its checks, and the scanner's geometry that it describes."""
 
 from picoradar.instrument.calibration.checks import differences, out_of_date
-from picoradar.instrument.calibration.file import METHODS, Calibration, Method
+from picoradar.instrument.calibration.file import Calibration
 from picoradar.instrument.calibration.geometry import (
     CENTRE_CODE,
     angles_and_range,
@@ -21,6 +21,7 @@ from picoradar.instrument.calibration.parts import (
     Templates,
     Walk,
 )
+from picoradar.instrument.settings import METHODS, Method
 
 __all__ = [
     "CENTRE_CODE",

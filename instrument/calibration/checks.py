@@ -8,9 +8,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.calibration.file import METHODS, Calibration, Method
+from picoradar.instrument.calibration.file import Calibration
 from picoradar.instrument.calibration.geometry import points_from, true_angles
-from picoradar.instrument.settings import Settings
+from picoradar.instrument.settings import METHODS, Method, Settings
 
 LARGEST_AGE = datetime.timedelta(days=180)
 LARGEST_CHANGE_K = 0.5  # of the diode; timing and pulse shape follow its temperature

@@ -6,7 +6,7 @@ import datetime
 import hashlib
 import json
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal
 
 from pydantic import Field, ValidationError, field_validator
 
@@ -20,9 +20,8 @@ from picoradar.instrument.calibration.parts import (
     Walk,
 )
 from picoradar.instrument.errors import BadInput
+from picoradar.instrument.settings import Method
 
-Method = Literal["half-maximum", "template"]
-METHODS: tuple[Method, ...] = get_args(Method)
 FORMAT: Literal[1] = 1
 _MAKE_AGAIN = "make it again with a bench procedure"
 

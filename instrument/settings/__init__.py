@@ -10,9 +10,11 @@ from picoradar.instrument.settings.limits import (
 )
 from picoradar.instrument.settings.reading import describe_errors, load_settings, override, settings_from
 from picoradar.instrument.settings.tables import (
+    METHODS,
     USB_BACKENDS,
     DiodeSettings,
     Links,
+    Method,
     PulserSettings,
     ScannerSettings,
     Settings,
@@ -21,6 +23,7 @@ from picoradar.instrument.settings.writing import to_toml
 
 __all__ = [
     "MAX_DISTANCE",
+    "METHODS",
     "MIN_DISTANCE",
     "TRANSMITTER_HEAT",
     "USB_BACKENDS",
@@ -28,6 +31,7 @@ __all__ = [
     "DiodeSettings",
     "Limit",
     "Links",
+    "Method",
     "PulserSettings",
     "ScannerSettings",
     "Settings",

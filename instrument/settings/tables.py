@@ -7,13 +7,17 @@ here, because the simulator checks it.
 from __future__ import annotations
 
 import re
-from typing import Literal
+from typing import Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from picoradar.drivers.interfaces import DRIVE_V, PRF_HZ
 from picoradar.drivers.links import checked_address
 from picoradar.instrument.settings.limits import MAX_DISTANCE, MIN_DISTANCE, max_drive_v
+
+Method = Literal["half-maximum", "template"]
+"""Estimators by name: how a trace becomes a range."""
+METHODS: tuple[Method, ...] = get_args(Method)
 
 USB_BACKENDS = ("picoradar.sim.usb.forward:backend",)
 """USB backends that settings may name, so that a file cannot run code of its choice; empty stands for libusb."""
@@ -184,7 +188,7 @@ class ScanSettings(Section):
         "sweep",
         description="sweep: the whole trace at every point; window: two short pieces, only the shots needed",
     )
-    estimator: Literal["half-maximum", "template"] = Field(
+    estimator: Method = Field(
         "half-maximum", description="how a trace becomes a range (window mode always uses template)"
     )
     wanted_sd_mm: float = Field(0.22, gt=0, le=10, description="window mode: intended standard deviation of each range")

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from picoradar.instrument.cli import options, output
 from picoradar.instrument.errors import BadInput
+
+if TYPE_CHECKING:
+    from picoradar.instrument.settings import Method
 
 
 def add_to(app: typer.Typer) -> None:
@@ -52,17 +55,18 @@ def reprocess(
         output.print_table(str(out), {key: result[key] for key in shown})
 
 
-def checked_method(name: str | None) -> Literal["half-maximum", "template"] | None:
+def checked_method(name: str | None) -> Method | None:
     """Check the name of an estimator; None is the recording's own.
 
     Raises
     ------
     BadInput
     """
+    from picoradar.instrument.settings import METHODS
+
     if name is None:
         return None
-    if name == "template":
-        return "template"
-    if name == "half-maximum":
-        return "half-maximum"
-    raise BadInput(f"--estimator {name!r}: give half-maximum or template")
+    for method in METHODS:
+        if name == method:
+            return method
+    raise BadInput(f"--estimator {name!r}: give {' or '.join(METHODS)}")

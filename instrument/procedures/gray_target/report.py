@@ -19,7 +19,7 @@ WEAK_MV, STRONG_MV, BRIGHT_MV = 15.0, 25.0, 65.0
 BIAS_LIMIT_MM, WEAK_BIAS_LIMIT_MM = 0.05, 0.10
 BANDS = {"25_to_65_mv": (STRONG_MV, BIAS_LIMIT_MM), "15_to_65_mv": (WEAK_MV, WEAK_BIAS_LIMIT_MM)}
 NOISY = 1.0  # least limit over standard error of a half-maximum mean: its noise, not its limit, decides below that
-COLOURS = ("tab:orange", "tab:blue")
+COLOURS = ("tab:orange", "tab:blue", "tab:green", "tab:red")  # of the estimators, in their order
 OF_LEVEL = ("response_mv", "error_before_mm", "error_after_mm", "single_reading_sd_mm", "standard_error_mm")
 COLUMNS = (
     "reflectance",
@@ -124,7 +124,7 @@ def _largest(values: FloatArray) -> float | None:
 
 def _draw_walk(figure: Figure, table: FloatArray, calibration: Calibration) -> None:
     axes = figure.subplots()
-    for number, (method, colour) in enumerate(zip(METHODS, COLOURS, strict=True)):
+    for number, (method, colour) in enumerate(zip(METHODS, COLOURS, strict=False)):
         walk = calibration.walk[method]
         at = np.linspace(*walk.valid_mv, 400)
         curve = walk.at(at)
@@ -142,7 +142,7 @@ def _draw_walk(figure: Figure, table: FloatArray, calibration: Calibration) -> N
 
 def _draw_after(figure: Figure, table: FloatArray) -> None:
     axes = figure.subplots()
-    for number, (method, colour) in enumerate(zip(METHODS, COLOURS, strict=True)):
+    for number, (method, colour) in enumerate(zip(METHODS, COLOURS, strict=False)):
         for held, face in ((0, colour), (1, "white")):
             chosen = table[table[:, 1] == held]
             response, _, error, _, standard = chosen[:, 2 + 5 * number : 7 + 5 * number].T
