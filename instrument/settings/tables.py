@@ -7,9 +7,9 @@ here, because the simulator checks it.
 from __future__ import annotations
 
 import re
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from picoradar.drivers.interfaces import DRIVE_V, PRF_HZ
 from picoradar.drivers.links import checked_address
@@ -32,21 +32,29 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
+def _allowed(address: str) -> str:
+    return checked_address(address) if address else address
+
+
+Port = Annotated[str, AfterValidator(_allowed)]
+"""Serial port or URL; empty where there is none. One that reads or writes files (``spy://``) is refused."""
+
+
 class Links(Section):
     """Where the devices are: serial ports by name or URL, USB devices by serial number."""
 
-    dg645: str = Field("", description="serial port or URL of the delay generator")
+    dg645: Port = Field("", description="serial port or URL of the delay generator")
     dg645_baud: int = Field(9600, ge=4800, le=115200, description="its baud rate")
-    genesys: str = Field("", description="serial port or URL of the drive supply")
+    genesys: Port = Field("", description="serial port or URL of the drive supply")
     genesys_baud: int = Field(9600, ge=1200, le=19200, description="its baud rate")
     genesys_address: int = Field(6, ge=0, le=30, description="its address")
     temperature: Literal["tec", "tc200"] = Field(
         "tec", description="temperature controller of the diode: tec (Meerstetter) or tc200 (Thorlabs, heats only)"
     )
-    tec: str = Field("", description="serial port or URL of the temperature controller TEC")
+    tec: Port = Field("", description="serial port or URL of the temperature controller TEC")
     tec_baud: int = Field(57600, ge=4800, le=1000000, description="its baud rate")
     tec_address: int = Field(1, ge=0, le=254, description="its address")
-    tc200: str = Field("", description="serial port or URL of the temperature controller TC200")
+    tc200: Port = Field("", description="serial port or URL of the temperature controller TC200")
     tc200_baud: int = Field(115200, ge=9600, le=115200, description="its baud rate")
     bridge_serial: str = Field("", description="serial number of the sampling bridge; empty: the only one on the bus")
     sampler: Literal["bridge", "oscilloscope"] = Field(
@@ -77,11 +85,6 @@ class Links(Section):
         if address and not re.fullmatch(r"[\w.:\[\]-]+:[0-9]{1,5}", address):
             raise ValueError("not host:port; give what `picoradar sim` has printed")
         return address
-
-    @field_validator("dg645", "genesys", "tec", "tc200")
-    @classmethod
-    def _allowed_port(cls, address: str) -> str:
-        return checked_address(address) if address else address
 
     @model_validator(mode="after")
     def _real_devices_run_at_1(self) -> Links:
