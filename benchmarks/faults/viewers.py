@@ -75,6 +75,7 @@ def compare(settings: Settings, folder: Path, sleep_s: float) -> Compared:
 
     controller.connect()
     controller.warm_up()
+    scan("first", [])  # loads what the ranging needs, which takes the first lines of a program longer
     alone = scan("alone", [])
     every_line = {"slow": slow, "hung": hung, "list": lambda line: seen.append(line.index)}
     sinks = [Subscription(sink, name, every_line=True) for name, sink in every_line.items()]
