@@ -186,7 +186,7 @@ def main() -> int:
         exits = ", ".join(str(status) for status in sorted({e.status for e in mine}))
         left = ", ".join(sorted({name for e in mine for name in e.left})) or "nothing"
         after = ", ".join(sorted({name for e in mine for name in e.after_off})) or "nothing"
-        dark = max(e.dark_s for e in mine)
+        dark = max((e.dark_s for e in mine), default=0.0)
         said, sound = sum(e.said for e in mine), sum(e.sound for e in mine)
         print(f"| {way} | {len(mine)} | {dark:.2f} | {exits} | {left} | {after} | {said} | {sound} of {len(mine)} |")
     for ended in found:

@@ -237,7 +237,7 @@ def test_no_file_makes_the_program_do_what_was_not_asked_for(folder: Path, cases
     found = watched(folder, cases)
     assert {case["name"]: case["status"] for case in found if isinstance(case["status"], str)} == {}
     for case in found:
-        own = [str(folder / "out"), str(folder / "cache"), str(folder / "config")]
+        own = [str(folder / "out"), str(folder / "cache"), str(folder / "config"), os.environ["PICORADAR_LOG"]]
         if case["command"][0] == "resume":  # a recording is written to when it is gone on with, as the command says
             own += [case["command"][1], str(folder / "in" / ".picoradar-probe-")]  # whether its folder takes lines
         for kind, what in case["events"]:

@@ -20,8 +20,6 @@ def test_no_viewer_holds_the_scan(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     watched = found.watched
     assert (watched.stop_reason, watched.lines, watched.suspended) == ("complete", 3, [])
     assert watched.safe.complete
-    # 2 % at speed 1 (benchmarks/faults/viewers.py); here time runs 20 times as fast as the computer
-    assert watched.device_time_s == pytest.approx(found.alone.device_time_s, rel=0.1)
     assert watched.sinks["slow"] == "complete"
     assert watched.sinks["broken"].startswith("failed after 0 of ")
     assert watched.sinks["hung"] == "hangs: 0 of 3 lines seen"
