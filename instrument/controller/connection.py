@@ -47,9 +47,10 @@ class Connection:
         """
         self.is_open = True
         try:
-            open_devices(self._bench)
-            self._bench.pulser.configure(prf_hz=pulser.prf_hz, drive_v=pulser.drive_v)
-            self.known = self._bench.identify()
+            with self._shutdown.alone:
+                open_devices(self._bench)
+                self._bench.pulser.configure(prf_hz=pulser.prf_hz, drive_v=pulser.drive_v)
+                self.known = self._bench.identify()
             if found_on := self._bench.found_on():
                 self._log.warning("was on when it was connected", found_on=list(found_on))
         except BaseException:
@@ -59,12 +60,13 @@ class Connection:
 
     def close(self) -> None:
         """Close all links; one that cannot be closed in order does not keep the next one open."""
-        for name, device in self._bench.devices().items():
-            try:
-                device.close()
-            except DeviceError as error:
-                self._log.warning("close failed", device=name, error=str(error))
-        self.is_open = False
+        with self._shutdown.alone:
+            for name, device in self._bench.devices().items():
+                try:
+                    device.close()
+                except DeviceError as error:
+                    self._log.warning("close failed", device=name, error=str(error))
+            self.is_open = False
 
 
 def open_devices(bench: Bench) -> None:

@@ -21,7 +21,7 @@ from picoradar.instrument.controller.states import BUSY, State
 from picoradar.instrument.controller.subscribers import Subscription
 from picoradar.instrument.controller.supervision import Supervisor
 from picoradar.instrument.controller.warming import reach_temperature
-from picoradar.instrument.errors import InterlockTripped, Interrupted, NotAllowed
+from picoradar.instrument.errors import InterlockTripped, Interrupted
 from picoradar.instrument.events import logger
 from picoradar.instrument.settings import Settings
 
@@ -132,18 +132,18 @@ class Controller:
         Interrupted
             When an abort was asked for; the state is ``connected`` again and the diode is off.
         """
+        self._machine.check("warm_up")
         self._owner = threading.get_ident()
         try:
             self._machine.go("warm_up", lambda: self._warm(show))
-        except NotAllowed:
-            raise
+            if self.state == "warming":
+                self._machine.go("warmed")
+            self._requests.raise_emergency()  # from another thread, which until here could only ask
         except BaseException as error:
             self._shutdown(diode_off=True)
             self._machine.fail(str(error) or type(error).__name__)
             raise
-        if self.state == "warming":
-            self._machine.go("warmed")
-        else:
+        if self.state != "ready":
             raise Interrupted("stopped during warm-up; the laser was never on, the diode's controller is off")
 
     def scan(self, job: ScanJob, store: LineStore, sinks: Iterable[Sink | Subscription] = ()) -> ScanOutcome:
@@ -221,7 +221,7 @@ class Controller:
         """
         if self.state in BUSY:
             return self.emergency_off()
-        if self._connection.is_open:
+        if self._connection.is_open or self.state not in ("off", "fault"):
             self._shutdown(diode_off=True)
             self._machine.go("shut_down", self._connection.close)
         return self.safe
@@ -234,7 +234,7 @@ class Controller:
         """
         if self.state in BUSY:
             self.request("emergency off")
-            if threading.get_ident() != self._owner:
+            if self.state in BUSY and threading.get_ident() != self._owner:
                 return self.safe
         self._supervisor.stop_beating()
         self._shutdown(diode_off=True)

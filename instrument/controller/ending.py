@@ -52,8 +52,8 @@ class Ending:
         if self._over:
             return
         self._go_dark(error)
-        self._context.requests.raise_emergency()  # asked for when the scan was on its way out already
         self._leave_states(error)
+        self._context.requests.raise_emergency()  # asked for on the way out, when another thread could only ask
         self._record(error)
         self._over = True
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -51,17 +52,22 @@ class SafeShutdown:
     ----------
     last : SafeState
         Outcome of the last one that came to its end; without steps before the first.
+    alone : RLock
+        Held meanwhile, and while links are opened and closed: a second thread in the middle of an exchange would take
+        the answers of the first.
     """
 
     def __init__(self, bench: Bench) -> None:
         self.last = SafeState()
+        self.alone = threading.RLock()
         self._bench = bench
 
     def __call__(self, *, blamed: BaseException | None = None, diode_off: bool = False) -> SafeState:
         """Bring everything to its safe state; parameters and what is raised as for `make_safe`."""
         suspected = self._bench.suspected(blamed) if blamed is not None else ""
-        self.last = make_safe(self._bench, suspected=suspected, diode_off=diode_off)
-        return self.last
+        with self.alone:
+            self.last = make_safe(self._bench, suspected=suspected, diode_off=diode_off)
+            return self.last
 
 
 def make_safe(bench: Bench, *, suspected: str = "", diode_off: bool = False) -> SafeState:
