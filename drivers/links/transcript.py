@@ -90,6 +90,11 @@ class Transcript:
     path : Path
         File to make.
 
+    Attributes
+    ----------
+    failure : str
+        Why it ends early (a full disk); empty when it does not. What crosses the links is not held up by it.
+
     Raises
     ------
     OSError
@@ -97,19 +102,28 @@ class Transcript:
     """
 
     def __init__(self, path: Path) -> None:
+        self.failure = ""
         self._file = path.open("x", encoding="utf-8", buffering=1)
         self._file.write(json.dumps(HEAD) + "\n")
 
     def note(self, time_s: float, link: str, what: str, data: bytes | None = None, **more: object) -> None:
-        """Write one event."""
+        """Write one event; after a failure nothing more, for what comes later would not follow on what is there."""
+        if self.failure:
+            return
         event: dict[str, object] = {"time_s": round(time_s, 6), "link": link, "what": what, **more}
         if data is not None:
             event["data"] = bytes(data).hex()
-        self._file.write(json.dumps(event) + "\n")
+        try:
+            self._file.write(json.dumps(event) + "\n")
+        except OSError as error:
+            self.failure = str(error)
 
     def close(self) -> None:
         """Close the file; links write nothing more into it."""
-        self._file.close()
+        try:
+            self._file.close()
+        except OSError as error:  # what is left of it finds no room either
+            self.failure = self.failure or str(error)
 
     def __enter__(self) -> Self:
         return self

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from picoradar.instrument.cli import output
 from picoradar.instrument.errors import BadInput
 
 if TYPE_CHECKING:
@@ -40,5 +41,11 @@ def transcript_to(path: Path | None) -> Iterator[Transcript | None]:
         raise BadInput(f"{path} exists already and will not be written over; give --transcript another name") from error
     except OSError as error:
         raise BadInput(f"{path}: the transcript cannot be made: {error}; give --transcript another name") from error
-    with transcript:
-        yield transcript
+    try:
+        with transcript:
+            yield transcript
+    finally:
+        if transcript.failure:
+            output.console().print(
+                f"{path}: the transcript ends early: {transcript.failure}; the work itself does not", markup=False
+            )

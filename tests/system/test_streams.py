@@ -7,11 +7,19 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from picoradar.drivers.links import Transcript
+from picoradar.instrument.bench import make_bench
+from picoradar.instrument.controller import Controller
+from picoradar.instrument.line import ScanLine
 from picoradar.instrument.recording import Recording
+from picoradar.instrument.settings import Links
+from tests.system.conftest import Radar
 
 COMMAND = (sys.executable, "-m", "picoradar.instrument.cli")
 SCAN = ("scan", "--grid", "4x3", "--seed", "4", "-o")
@@ -37,6 +45,35 @@ def test_a_stream_that_cannot_be_written_changes_nothing(redirected: str, told: 
     assert ("stdout could not be written" in done.stderr) is told
     assert "Traceback" not in done.stderr
     assert whole(path)
+
+
+class Kept(type(Path())):  # type: ignore[misc]
+    """A path that keeps the file that was opened, to let its disk fill up."""
+
+    def open(self, *given: Any, **more: Any) -> Any:
+        self.file = super().open(*given, **more)
+        return self.file
+
+
+@needs_posix
+def test_a_transcript_whose_disk_fills_up_changes_nothing(make_radar: Callable[[], Radar], tmp_path: Path) -> None:
+    radar, path = make_radar(), Kept(tmp_path / "transcript.jsonl")
+    with Transcript(path) as transcript:
+        radar.bench = make_bench(Links(**radar.sim.urls), radar.clock, radar.sim.usb_backend, transcript)
+        radar.controller = Controller(radar.bench, radar.settings)
+        radar.get_ready()
+
+        def fill(line: ScanLine) -> None:
+            if line.index == 1:
+                full = os.open("/dev/full", os.O_WRONLY)
+                os.dup2(full, path.file.fileno())
+                os.close(full)
+
+        outcome = radar.scan(fill)
+        assert (outcome.stop_reason, outcome.lines) == ("complete", 4)
+        assert outcome.safe.complete
+        radar.controller.shut_down()
+    assert "No space left" in transcript.failure
 
 
 @needs_posix
