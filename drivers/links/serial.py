@@ -165,7 +165,7 @@ class SerialLink(TranscribedLink):
 
     def take_line(self, terminator: bytes) -> bytes | None:
         """Take one line with its terminator if it has come, without waiting; None while it is under way."""
-        came = self.take_leftover()
+        came = self._take_what_came(ahead=True)
         line, found, rest = came.partition(terminator)
         self._received += rest if found else came
         return line + found if found else None
@@ -186,12 +186,15 @@ class SerialLink(TranscribedLink):
 
     def take_leftover(self) -> bytes:
         """Take what has been received and not read, without waiting: late answers, unsolicited messages."""
+        return self._take_what_came()
+
+    def _take_what_came(self, **more: object) -> bytes:
         port = self._opened()
         try:
             if waiting := port.in_waiting:
                 chunk = port.read(waiting)
                 self._received += chunk
-                self._note("read", chunk)
+                self._note("read", chunk, **more)
         except _PORT_ERRORS as error:
             self._lost(error)
         got = bytes(self._received)

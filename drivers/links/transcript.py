@@ -14,6 +14,8 @@ each other one is an event of a link:
     The bytes, in hex.
 ``error``
     Where the device refused (``stall``).
+``ahead``
+    True for an answer that was not waited for: it came some time before it was looked for, which is ``time_s``.
 
 An ``open`` says how the link was opened (``url`` and ``baud``, or the USB descriptors); USB transfers have
 ``endpoint``, control transfers ``request`` and ``value``. A read that returned nothing is left out.
@@ -54,6 +56,7 @@ class EventDetails(TypedDict, total=False):
     value: int
     index: int
     error: str
+    ahead: bool
     idVendor: int
     idProduct: int
     bcdDevice: int

@@ -58,7 +58,10 @@ class SerialReplay:
         began_s, bytes_moved = self._script.last_s, sent
         while (event := self._script.next("read")) is not None:
             bytes_moved += len(event.data)
-            delay_s = event.time_s - began_s - 10 * bytes_moved / self.baud  # the line takes its time again
+            after_s = event.time_s - began_s
+            if event.more.get("ahead"):  # it was there before the host looked: half-way is in time for this host too
+                after_s /= 2
+            delay_s = after_s - 10 * bytes_moved / self.baud  # the line takes its time again
             if self._send is not None:
                 self._send(event.data, max(0.0, delay_s))
             self._script.pass_on()

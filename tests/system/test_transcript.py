@@ -11,11 +11,13 @@ from picoradar.drivers.clock import VirtualClock
 from picoradar.drivers.errors import DeviceFault
 from picoradar.drivers.interfaces import SweepSettings
 from picoradar.drivers.links import Transcript, read_transcript
-from picoradar.instrument.bench import DeviceMaker, Finding, examine
+from picoradar.instrument.bench import DeviceMaker, Finding, examine, make_bench
 from picoradar.instrument.cli.main import run
-from picoradar.instrument.settings import Links, Settings
+from picoradar.instrument.controller import Controller
+from picoradar.instrument.settings import Links, Settings, override
 from picoradar.sim import SimulatedBench
 from picoradar.sim.replay import ReplayedBench, ReplayMismatch
+from tests.system.conftest import Radar
 
 SWEEP = SweepSettings(start_ps=6500, step_ps=6.7, samples=200, averages=1, settle_shots=16, prf_hz=80_000)
 
@@ -83,6 +85,30 @@ def test_the_replay_of_a_record_gives_the_same_record(tmp_path: Path) -> None:
         assert replayed.finished
     assert again.run_id == 7
     assert again.sums.tolist() == real.sums.tolist()
+
+
+@pytest.mark.parametrize("mode", ["sweep", "window"])
+def test_the_replay_of_a_scan_gives_the_same_points(mode: str, tmp_path: Path) -> None:
+    path = tmp_path / "scan.jsonl"
+    radar = Radar(override(Settings(), {"scan": {"rows": 3, "columns": 12, "mode": mode}}), tmp_path)
+    with Transcript(path) as transcript:
+        radar.bench = make_bench(Links(**radar.sim.urls), radar.clock, radar.sim.usb_backend, transcript)
+        points = scanned(radar)
+    radar.sim.close()
+    assert '"ahead": true' in path.read_text()  # answers of the second barrier, which are not waited for
+    with ReplayedBench(path) as replayed:
+        radar.clock, radar.bench = replayed.clock, make_bench(links(replayed), replayed.clock, replayed.usb_backend)
+        assert scanned(radar) == points
+        assert replayed.finished
+
+
+def scanned(radar: Radar) -> bytes:
+    radar.controller = Controller(radar.bench, radar.settings)
+    radar.get_ready()
+    assert radar.scan().stop_reason == "complete"
+    radar.controller.shut_down()
+    with radar.last_recording() as recording:
+        return recording.cloud().points_mm.tobytes()
 
 
 def test_a_refusal_is_replayed_as_a_refusal(tmp_path: Path) -> None:
