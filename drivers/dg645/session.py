@@ -45,7 +45,7 @@ class Dg645Session(SerialSession):
         DeviceFault
             With the oldest code in the error queue and its meaning.
         """
-        self._take_answer_ahead(REPLY_END)
+        self._take_answer_ahead(REPLY_END, lambda line: line)
         self._resynchronise()
         for command in commands:
             self.link.write(encode(command))
@@ -124,7 +124,7 @@ class Dg645Session(SerialSession):
         return self._ask_ahead(encode("TSRC?"), REPLY_END, lambda line: int(decode(line)) == TriggerSource.INTERNAL)
 
     def _exchange(self, text: str) -> str:
-        self._take_answer_ahead(REPLY_END)
+        self._take_answer_ahead(REPLY_END, lambda line: line)
         self._resynchronise()
         self.link.take_leftover()  # the instrument sends nothing unasked: this is left over from a corrupted reply
         self._synchronised = False

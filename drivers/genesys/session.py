@@ -116,7 +116,7 @@ class GenesysSession(SerialSession):
 
     def _understood(self, text: str) -> str:
         """Exchange one message; one that was corrupted on its way to the supply counts as a corrupted reply."""
-        self._take_answer_ahead(END)
+        self._take_answer_ahead(END, self._solicited)
         self._resynchronise()
         self._synchronised = False
         reply = self._exchange(text)

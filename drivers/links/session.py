@@ -38,6 +38,7 @@ class SerialSession:
         self.link = link
         self._synchronised = True  # False after a failure: late replies may still come
         self._asked_ahead_s: float | None = None
+        self._asked_twice = False  # two answers may come to the one that was wanted
 
     @property
     def device(self) -> str:
@@ -84,8 +85,8 @@ class SerialSession:
         if self._asked_ahead_s is None:
             self._resynchronise()
             self.link.take_leftover()
+            self._asked_ahead_s, self._synchronised = now_s, False  # before it is sent: whatever comes between
             self.link.write(message)
-            self._asked_ahead_s, self._synchronised = now_s, False
             return None
 
         def readable(line: bytes) -> T | None:
@@ -100,19 +101,29 @@ class SerialSession:
         found = readable(line) if line is not None else None
         if found is None:
             self.link.take_leftover()
+            self._asked_twice = True
             self.link.write(message)
             found = self.link.read_match(end, readable, timeout_s=patience_s(ANSWER_AGAIN_S))
         self._synchronised = True
         return found
 
-    def _take_answer_ahead(self, end: bytes) -> None:
-        """Before another exchange, wait for what was asked ahead and drop it; a lost answer is resynchronised later."""
-        if self._asked_ahead_s is None:
-            return
-        self._asked_ahead_s = None
-        with contextlib.suppress(Timeout, ProtocolError):
-            self.link.read_until(end, timeout_s=self.link.clock.patience_s(ANSWER_AHEAD_S))
-            self._synchronised = True
+    def _take_answer_ahead(self, end: bytes, read: Callable[[bytes], object | None]) -> None:
+        """Before another exchange, wait for what was asked ahead and drop it; a lost answer is resynchronised later.
+
+        Parameters
+        ----------
+        end : bytes
+            What ends a line.
+        read : callable
+            Reads a line; returns None for one that is no answer, and is waited through.
+        """
+        if self._asked_ahead_s is not None:
+            self._asked_ahead_s = None
+            with contextlib.suppress(Timeout, ProtocolError):
+                self.link.read_match(end, read, timeout_s=self.link.clock.patience_s(ANSWER_AHEAD_S))
+                self._synchronised = True
+        if self._asked_twice:
+            self._asked_twice = self._synchronised = False
 
     def _resynchronise(self) -> None:
         """After a failure, find the beginning of the next answer again."""
@@ -123,7 +134,7 @@ class SerialSession:
         self.link.open()
         self.link.write(line_end)
         self.link.drain(quiet_s=quiet_s)
-        self._synchronised, self._asked_ahead_s = True, None
+        self._synchronised, self._asked_ahead_s, self._asked_twice = True, None, False
 
     def _parsed(self, reply: str, query: str, parse: Callable[[str], T], expected: str) -> T:
         """Parse a reply; one that is not what was asked for may belong to another query.
