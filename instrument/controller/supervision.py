@@ -58,15 +58,15 @@ class Supervisor:
 
     def load_state(self, state: Mapping[str, float | None]) -> None:
         """Go on from a `state_dict`: from the next line on, polls are due when they would have been."""
-        if state:
+        if isinstance(state, Mapping):  # a recording may hold anything there
             self._resumed = dict(state)
 
     def _go_on(self) -> None:
         if not self._resumed:
             return
         now_s = self._bench.clock.now()
-        # A recording may be damaged, or of an earlier version: what is not a number in it is left as it is.
-        numbers = {name: value for name, value in self._resumed.items() if isinstance(value, (int, float))}
+        # A recording may be damaged, of an earlier version, or made to put the polls off: what is no age is left out.
+        numbers = {n: value for n, value in self._resumed.items() if isinstance(value, (int, float)) and value >= 0.0}
         self._all_seen_s = now_s - numbers.get("all_age_s", now_s - self._all_seen_s)
         self._diode_seen_s = now_s - numbers.get("diode_age_s", now_s - self._diode_seen_s)
         self._first_reference_mv = numbers.get("first_reference_mv", self._first_reference_mv)

@@ -100,8 +100,18 @@ def test_polls_are_due_where_a_scan_goes_on_when_they_would_have_been(lit: Any) 
     assert lit.asked("pulser.status", "diode.status") == ["diode.status", "pulser.status", "diode.status"]
 
 
-@pytest.mark.parametrize("recorded", [{}, {"all_age_s": None, "diode_age_s": "long"}])
-def test_without_a_usable_recorded_state_nothing_is_changed(lit: Any, recorded: dict[str, Any]) -> None:
+@pytest.mark.parametrize(
+    "recorded",
+    [
+        {},
+        {"all_age_s": None, "diode_age_s": "long"},
+        {"all_age_s": -1e300, "diode_age_s": -0.001, "first_reference_mv": -45.0},  # would put the polls off for ever
+        {"all_age_s": float("nan"), "diode_age_s": float("nan"), "first_reference_mv": float("nan")},
+        [1, 2],
+        "all",
+    ],
+)
+def test_without_a_usable_recorded_state_nothing_is_changed(lit: Any, recorded: Any) -> None:
     lit.clock.sleep(1.0)
     before = lit.supervisor.state_dict()
     lit.supervisor.load_state(recorded)
