@@ -165,7 +165,7 @@ class SerialLink(TranscribedLink):
 
     def take_line(self, terminator: bytes) -> bytes | None:
         """Take one line with its terminator if it has come, without waiting; None while it is under way."""
-        came = self._take_what_came(ahead=True)
+        came = self.take_leftover(ahead=True)
         line, found, rest = came.partition(terminator)
         self._received += rest if found else came
         return line + found if found else None
@@ -184,17 +184,14 @@ class SerialLink(TranscribedLink):
         self._received.clear()
         return got
 
-    def take_leftover(self) -> bytes:
-        """Take what has been received and not read, without waiting: late answers, unsolicited messages."""
-        return self._take_what_came()
-
-    def _take_what_came(self, **more: object) -> bytes:
+    def take_leftover(self, **told: object) -> bytes:
+        """Take what has been received and not read, without waiting: late answers, unsolicited messages; ``told`` is for the transcript."""
         port = self._opened()
         try:
             if waiting := port.in_waiting:
                 chunk = port.read(waiting)
                 self._received += chunk
-                self._note("read", chunk, **more)
+                self._note("read", chunk, **told)
         except _PORT_ERRORS as error:
             self._lost(error)
         got = bytes(self._received)

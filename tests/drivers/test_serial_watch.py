@@ -12,13 +12,14 @@ from picoradar.drivers.dg645 import DG645, TriggerSource
 from picoradar.drivers.genesys import Genesys
 from picoradar.drivers.links import SerialLink
 
+SAID = {b"TSRC?": b"0", b"TRAT?": b"80000", b"LERR?": b"0", b"*IDN?": b"Stanford Research Systems,DG645,s/n1,ver1"}
+
 
 class Slow:
     """A DG645 behind a computer or converter that is late with everything."""
 
     baud = 9600
     late_s = 0.3
-    said = {b"TSRC?": b"0", b"TRAT?": b"80000", b"LERR?": b"0", b"*IDN?": b"Stanford Research Systems,DG645,s/n1,ver1"}
 
     def __init__(self) -> None:
         self._send: Callable[[bytes, float], None] = lambda data, delay_s: None
@@ -29,7 +30,7 @@ class Slow:
     def receive(self, data: bytes) -> None:
         for line in data.split(b"\n"):
             if line:
-                self._send(self.said[line] + b"\r\n", self.late_s)
+                self._send(SAID[line] + b"\r\n", self.late_s)
 
 
 def test_an_unsolicited_message_is_not_the_answer_that_is_waited_through(scripted: Callable[..., SerialLink]) -> None:
