@@ -45,5 +45,9 @@ def refuse_taken(path: Path, advice: str) -> None:
     """
     from picoradar.instrument.recording import free_stillborn
 
-    if path.exists() and not free_stillborn(path):
+    try:
+        there = path.exists()
+    except OSError as error:  # a name that is too long, a folder that may not be looked into
+        raise BadInput(f"{path}: cannot be made: {error.strerror}; {advice}") from error
+    if there and not free_stillborn(path):
         raise BadInput(f"{path} exists already and will not be written over; {advice}")

@@ -69,8 +69,7 @@ def open_database(path: Path, *, writing: bool) -> sqlite3.Connection:
     RecordingError
         If there is no such file, it is no recording, has a later layout, or cannot be opened.
     """
-    if not path.is_file():
-        raise RecordingError(path, "there is no such file", "give the path of a recording")
+    refuse_missing(path)
     try:
         connection, application, layout = _open_known(path, "rw" if writing else "ro")
     except READING_ERRORS as error:
@@ -91,6 +90,22 @@ def open_database(path: Path, *, writing: bool) -> sqlite3.Connection:
             connection.close()
             raise from_sqlite(path, error) from error
     return connection
+
+
+def refuse_missing(path: Path) -> None:
+    """Refuse the path of no file, also one that the system does not take (a name that is too long).
+
+    Raises
+    ------
+    RecordingError
+    """
+    why = ""
+    try:
+        there = path.is_file()
+    except OSError as error:
+        there, why = False, f" ({error.strerror})"
+    if not there:
+        raise RecordingError(path, f"there is no such file{why}", "give the path of a recording")
 
 
 def _renew(connection: sqlite3.Connection) -> None:

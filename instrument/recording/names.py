@@ -27,7 +27,7 @@ def refuse_unwritable(folder: Path) -> None:
     try:
         create_database(probe, "{}").close()
     finally:
-        _remove(probe)
+        remove_with_companions(probe)
 
 
 def free_stillborn(path: Path) -> bool:
@@ -47,7 +47,7 @@ def free_stillborn(path: Path) -> bool:
     try:
         stillborn = _is_stillborn(path)
         if stillborn:
-            _remove(path)
+            remove_with_companions(path)
     finally:
         lock.release()
     return stillborn
@@ -69,6 +69,7 @@ def _is_stillborn(path: Path) -> bool:
         return False
 
 
-def _remove(path: Path) -> None:
+def remove_with_companions(path: Path) -> None:
+    """Take a recording away, with what SQLite keeps beside it."""
     for ending in BESIDE:
         Path(f"{path}{ending}").unlink(missing_ok=True)

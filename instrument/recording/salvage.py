@@ -13,14 +13,16 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from picoradar.instrument.recording.content import json_object, refuse_foreign_content
-from picoradar.instrument.recording.database import create_database
-from picoradar.instrument.recording.errors import READING_ERRORS, RecordingError
+from picoradar.instrument.recording.database import create_database, refuse_missing
+from picoradar.instrument.recording.errors import READING_ERRORS, RecordingError, from_sqlite, primary_code
 from picoradar.instrument.recording.header import checked_header
+from picoradar.instrument.recording.names import remove_with_companions
 from picoradar.instrument.recording.recording import Recording
 
 TABLES = ("line", "wave", "window")
 HEADER_BYTES = 100  # of an SQLite file: page size at 16, pages at 28 (sqlite.org/fileformat.html, section 1.3)
 LARGEST_CUT_BYTES = 10**11  # padding is sparse; more than this is no length but damage
+DISK_FAILED = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_READONLY)
 MAX_EVENTS_MISSED = 1000  # numbers of events that cannot be read in a row, after which no more are looked for
 
 
@@ -47,25 +49,40 @@ def salvage(path: Path) -> tuple[Path, list[int], list[int]]:
     RecordingError
         When there is no such file, not even the header reads, or the new file is there already.
     """
-    if not path.is_file():
-        raise RecordingError(path, "there is no such file", "give the path of a recording")
+    refuse_missing(path)
     new = path.with_name(f"{path.stem}-salvaged{path.suffix}")
-    with TemporaryDirectory(dir=path.parent, prefix=".picoradar-") as folder:
-        whole = Path(folder) / path.name
-        _copy_padded(path, whole)
-        with closing(sqlite3.connect(f"{whole.resolve().as_uri()}?mode=rw", uri=True, isolation_level=None)) as source:
-            refuse_foreign_content(path, source)
-            header = _header(path, source)
-            with closing(create_database(new, header)) as target:
-                for row in range(checked_header(json_object(path, header, "the header"))["raster"]["rows"]):
-                    _copy_line(source, target, row)
-                for event in _events(source):
-                    target.execute(
-                        "INSERT OR IGNORE INTO event (id, t, kind, state, data) VALUES (?, ?, ?, ?, ?)", event
-                    )
+    try:
+        with TemporaryDirectory(dir=path.parent, prefix=".picoradar-") as folder:
+            whole = Path(folder) / path.name
+            _copy_padded(path, whole)
+            address = f"{whole.resolve().as_uri()}?mode=rw"
+            with closing(sqlite3.connect(address, uri=True, isolation_level=None)) as source:
+                refuse_foreign_content(path, source)
+                _copy(path, source, new)
+    except OSError as error:
+        remedy = "copy it to a folder that has room and that you may write to, and salvage it there"
+        raise RecordingError(path, f"cannot be salvaged beside it ({error.strerror})", remedy) from error
     with Recording.resume(new) as salvaged:  # takes out what fails its check
         salvaged.event(0.0, "salvaged", source=path.name)
         return new, salvaged.done, salvaged.missing
+
+
+def _copy(path: Path, source: sqlite3.Connection, new: Path) -> None:
+    """Make the new recording; when it cannot be made to its end, none is left."""
+    header = _header(path, source)
+    rows = checked_header(json_object(path, header, "the header"))["raster"]["rows"]
+    target = create_database(new, header)
+    try:
+        with closing(target):
+            for row in range(rows):
+                _copy_line(source, target, row)
+            for event in _events(source):
+                target.execute("INSERT OR IGNORE INTO event (id, t, kind, state, data) VALUES (?, ?, ?, ?, ?)", event)
+    except BaseException as error:
+        remove_with_companions(new)
+        if isinstance(error, sqlite3.Error):
+            raise from_sqlite(new, error) from error
+        raise
 
 
 def _copy_padded(path: Path, whole: Path) -> None:
@@ -103,10 +120,16 @@ def _header(path: Path, source: sqlite3.Connection) -> str:
 def _copy_line(source: sqlite3.Connection, target: sqlite3.Connection, row: int) -> None:
     """Copy a line, and its raw samples where they read."""
     for table in TABLES:
+        found = None
         with suppress(*READING_ERRORS):
             found = source.execute(f"SELECT * FROM {table} WHERE k = ?", (row,)).fetchone()
-            if found is not None:  # the raw samples of a line that does not read are refused: they refer to it
-                target.execute(f"INSERT INTO {table} VALUES ({', '.join('?' * len(found))})", found)
+        if found is None:
+            continue
+        try:  # the raw samples of a line that does not read are refused: they refer to it
+            target.execute(f"INSERT INTO {table} VALUES ({', '.join('?' * len(found))})", found)
+        except sqlite3.Error as error:
+            if primary_code(error) in DISK_FAILED:  # that is no loss of the damaged file
+                raise
 
 
 def _events(source: sqlite3.Connection) -> Iterator[Any]:

@@ -110,3 +110,18 @@ def test_a_folder_that_cannot_be_written_to_is_refused_before_anything_is_opened
     assert run(["scan", "--grid", "2x2", "-o", str(tmp_path / "scan.db")]) == 2
     assert "Permission denied" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(os.name == "nt", reason="limits of POSIX")
+@pytest.mark.parametrize("room", [0.5, 1.1])
+def test_a_disk_without_room_is_told_and_not_taken_for_damage(room: float, whole: bytes, tmp_path: Path) -> None:
+    """No room for the copy that is read, and none for the new recording."""
+    path = tmp_path / "scan.db"
+    path.write_bytes(whole)
+    limited = (
+        "import resource, sys; from pathlib import Path; from picoradar.instrument.recording import salvage;"
+        f"resource.setrlimit(resource.RLIMIT_FSIZE, ({int(room * len(whole))},) * 2); salvage(Path(sys.argv[1]))"
+    )
+    done = subprocess.run([sys.executable, "-c", limited, str(path)], capture_output=True, text=True, check=False)
+    assert "RecordingError" in done.stderr.splitlines()[-1], done.stderr
+    assert [file.name for file in tmp_path.iterdir()] == ["scan.db"]

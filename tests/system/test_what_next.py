@@ -37,3 +37,11 @@ def test_a_scan_that_loses_its_devices_names_the_command_that_goes_on(
     assert run(command.split()) == 0
     with Recording.open(path) as recording:
         assert recording.complete
+
+
+@pytest.mark.parametrize("command", ["scan -o", "demo --out", "info", "info --salvage", "resume"])
+def test_a_name_that_the_system_does_not_take_is_refused_in_words(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*command.split(), "a" * 300]) == 2
+    assert "too long" in capsys.readouterr().err
