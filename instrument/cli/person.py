@@ -94,6 +94,6 @@ class Person:
             sys.stderr.write(f"{answer!r} cannot be used: give {form}; or q to stop\n")
 
     def _read(self) -> None:
-        for line in self._answers:
+        for line in self._answers or ():  # Python has no stdin where it was closed before the start
             self._lines.put(line)
         self._lines.put("")

@@ -31,13 +31,18 @@ def log_file() -> Path:
     """
     if named := os.environ.get("PICORADAR_LOG"):
         return Path(named) / NAME
+    try:
+        return _base() / "picoradar" / NAME
+    except RuntimeError:  # a service or a container whose user has no home: nothing is kept, all else goes on
+        return Path(os.devnull)
+
+
+def _base() -> Path:
     if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
-    elif sys.platform == "darwin":
-        base = Path.home() / "Library" / "Logs"
-    else:
-        base = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
-    return base / "picoradar" / NAME
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Logs"
+    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
 
 
 class _SilentHandler(RotatingFileHandler):

@@ -52,11 +52,18 @@ def folder() -> Path:
     named = os.environ.get("PICORADAR_CACHE")
     if named:
         return Path(named)
+    try:
+        return _base() / "picoradar"
+    except RuntimeError:  # a service or a container whose user has no home: no folder can be made, nothing is kept
+        return Path(os.devnull) / "picoradar"
+
+
+def _base() -> Path:
     if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")) / "picoradar"
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
     if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "picoradar"
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "picoradar"
+        return Path.home() / "Library" / "Caches"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 
 
 def path_of(key: str) -> Path:

@@ -226,3 +226,9 @@ def test_an_oscilloscope_that_takes_the_echoes_cannot_look_at_the_laser(bench: S
     run = Session(settings, bench.controller, bench.identities, bench.calibration, None)
     with pytest.raises(BadInput, match=r'links\.sampler = "bridge"'):
         light_meters(run, Person(bench.controller.rest, Script()))  # type: ignore[arg-type]
+
+
+def test_without_a_stdin_no_answer_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin", None)
+    with pytest.raises(BadInput, match="needs a person at the terminal"):
+        Person(wait_for).ask("Is the lid closed?")

@@ -59,6 +59,25 @@ def test_a_log_that_cannot_be_written_changes_nothing(tmp_path: Path, monkeypatc
     assert incidents.last_incidents(3) == []
 
 
+def test_a_user_without_a_home_can_switch_off(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As for a system service at boot, or in a container."""
+
+    def nowhere() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    for name in ("PICORADAR_LOG", "PICORADAR_CACHE", "XDG_STATE_HOME", "XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(Path, "home", nowhere)
+    incidents.note_incident("something")
+    assert incidents.last_incidents(3) == []
+    assert run(["off", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["laser_off_verified"]
+    assert run(["cache", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["models"] == 0
+
+
 def test_the_interlock_opened_by_hand_must_show_at_bridge_and_supply(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["doctor", "--interlock", "--json"]) == 0
     devices = json.loads(capsys.readouterr().out)["devices"]

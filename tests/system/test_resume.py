@@ -197,11 +197,12 @@ def test_real_devices_are_shown_and_asked_for(
 def test_without_a_terminal_the_answer_must_be_on_the_command_line(
     of_devices: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sys, "stdin", io.StringIO("yes\n"))
-    assert run(["resume", str(of_devices)]) == 2
-    told = capsys.readouterr().err
-    assert len(shown(told)) == 5
-    assert "--yes" in told
+    for closed in (io.StringIO("yes\n"), None):  # None: it was closed before the program began
+        monkeypatch.setattr(sys, "stdin", closed)
+        assert run(["resume", str(of_devices)]) == 2
+        told = capsys.readouterr().err
+        assert len(shown(told)) == 5
+        assert "--yes" in told
     assert run(["resume", str(of_devices), "--yes"]) == 3
     told = capsys.readouterr().err
     assert len(shown(told)) == 5

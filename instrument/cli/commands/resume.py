@@ -85,7 +85,7 @@ def ask_for_devices(settings: Settings, recording: Path, *, agreed: bool) -> Non
         output.console().print(line, markup=False, soft_wrap=True)
     if agreed:
         return
-    if not sys.stdin.isatty():
+    if sys.stdin is None or not sys.stdin.isatty():
         raise BadInput(
             f"{recording}: its settings name real devices, and there is no terminal to ask at; check what is shown "
             "above, then give --yes"
