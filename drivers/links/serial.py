@@ -185,7 +185,7 @@ class SerialLink(TranscribedLink):
         return got
 
     def take_leftover(self, **told: object) -> bytes:
-        """Take what has been received and not read, without waiting: late answers, unsolicited messages; ``told`` is for the transcript."""
+        """Take what came and was not read (late, unsolicited), without waiting; ``told`` is for the transcript."""
         port = self._opened()
         try:
             if waiting := port.in_waiting:
