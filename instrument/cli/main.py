@@ -62,7 +62,7 @@ def run(arguments: list[str]) -> int:
     try:
         code = app(args=arguments, standalone_mode=False, prog_name="picoradar")
         if code == output.EXIT_INTERRUPTED:  # typer turns a Ctrl-C of its own into this
-            return _failed(arguments, output.EXIT_INTERRUPTED, "interrupted before the laser could be on")
+            return _failed(arguments, output.EXIT_INTERRUPTED, "interrupted while no device was open and the laser off")
         return code if isinstance(code, int) else output.EXIT_DONE
     except typer.Exit as end:
         return end.exit_code

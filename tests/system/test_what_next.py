@@ -45,3 +45,16 @@ def test_a_name_that_the_system_does_not_take_is_refused_in_words(
 ) -> None:
     assert run([*command.split(), "a" * 300]) == 2
     assert "too long" in capsys.readouterr().err
+
+
+def test_an_interruption_after_the_light_does_not_deny_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What is found is shown when the scan is over and the bench is closed."""
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("picoradar.instrument.cli.output.print_table", interrupted)
+    assert run(["scan", "--grid", "2x2", "-o", str(tmp_path / "scan.db")]) == 130
+    assert "interrupted while no device was open and the laser off" in capsys.readouterr().err
