@@ -22,6 +22,7 @@ def test_an_exception_at_any_line_of_the_controller_ends_in_the_dark_and_says_so
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)  # some 600 scans
 @pytest.mark.parametrize("times", [1, 2])
 def test_the_whole_campaign(times: int) -> None:
     found = campaign(times, KeyboardInterrupt, seed=77)
