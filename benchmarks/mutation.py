@@ -78,6 +78,12 @@ def results(room: Room) -> list[dict[str, Any]]:
     return [{**mine[k], "why": why.get((room.file, mine[k]["function"], mine[k]["change"]), "")} for k in sorted(mine)]
 
 
+def forget_others(present: set[tuple[str, str]]) -> None:
+    """Drop the results of sources as they are no more, and all but the last of each mutant."""
+    last = {(r["file"], r["mutant"]): r for r in read_all() if (r["file"], r["source"]) in present}
+    RESULTS.write_text("".join(json.dumps(row) + "\n" for row in last.values()), encoding="utf-8")
+
+
 def run(files: list[str], count: int, jobs: int) -> None:
     for file in files:
         room = Room(file, TESTS[file])
@@ -110,6 +116,7 @@ def page() -> str:
     """Write docs/mutation.md."""
     rooms = [Room(file, TESTS[file]) for file in TESTS if (ROOT / file).exists()]
     rows = {room.file: results(room) for room in rooms}
+    forget_others({(room.file, room.digest) for room in rooms})
     lines = [PREFACE, *(summary(room) for room in rooms), "", "## Equivalent mutants", ""]
     lines += [
         f"* `{file}`, `{r['function']}`: `{r['change']}`: {r['why']}"
