@@ -91,7 +91,7 @@ def counted() -> dict[str, int]:
 @pytest.mark.skipif(os.name == "nt", reason="limits and forks are POSIX")
 def test_hangs_crashes_and_memory_are_counted() -> None:
     """In a program of its own: what a worker may take is counted from what the program that forks it has."""
-    code = "import json; from tests.system.test_fuzz import counted; print(json.dumps(counted()))"
+    code = "import json, tests.system.test_fuzz as fuzz; print(json.dumps(fuzz.counted()))"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60
     )
