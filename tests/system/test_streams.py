@@ -35,7 +35,13 @@ def whole(path: Path) -> bool:
 @needs_posix
 @pytest.mark.parametrize(
     ("redirected", "told"),
-    [(">&-", True), (">/dev/full", True), ("| true", False), ("2>&-", False), ("2>/dev/full", False)],
+    [
+        (">&-", True),
+        ("2>/dev/full", False),
+        pytest.param(">/dev/full", True, marks=pytest.mark.slow),
+        pytest.param("| true", False, marks=pytest.mark.slow),
+        pytest.param("2>&-", False, marks=pytest.mark.slow),
+    ],
 )
 def test_a_stream_that_cannot_be_written_changes_nothing(redirected: str, told: bool, tmp_path: Path) -> None:
     path = tmp_path / "scan.db"
@@ -106,6 +112,7 @@ def lines_in(path: Path) -> int:
         return 0
 
 
+@pytest.mark.slow
 def test_the_json_of_an_interrupted_scan_is_still_one_object(tmp_path: Path) -> None:
     path = tmp_path / "scan.db"
     process = subprocess.Popen(

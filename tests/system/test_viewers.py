@@ -10,7 +10,7 @@ from benchmarks.faults.viewers import compare, served
 from picoradar.instrument.controller import subscribers
 from picoradar.instrument.settings import override
 
-SLEEP_S = 2.5  # of wall time in a line: the bridge's watchdog closes the gate after one second
+SLEEP_S = 1.5  # of wall time in a line: the bridge's watchdog closes the gate after one second
 
 
 def test_no_viewer_holds_the_scan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
