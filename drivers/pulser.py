@@ -6,11 +6,9 @@ On: supply first, triggers once its voltage has settled. Off: triggers first. Ea
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from picoradar.drivers.clock import Clock
 from picoradar.drivers.dg645 import DG645, Channel, Inhibit, InstrumentStatus, Output, TriggerSource
-from picoradar.drivers.errors import DeviceError, DeviceFault, LimitError, check_range
+from picoradar.drivers.errors import DeviceError, DeviceFault, LimitError, carry_out_all, check_range
 from picoradar.drivers.genesys import Fault, Genesys, Status
 from picoradar.drivers.interfaces import DRIVE_V, PRF_HZ, Identity, PulserStatus
 
@@ -69,7 +67,7 @@ class Pulser:
 
         Both are opened even if one fails: the other can then be switched off.
         """
-        _all_of(self.generator.open, self.supply.open)
+        carry_out_all(self.generator.open, self.supply.open)
         self.generator.inhibit = Inhibit.TRIGGERS
         self.generator.burst = False
         self.generator.set_delay(Channel.A, Channel.T0, self.pulse_delay_s)
@@ -79,7 +77,7 @@ class Pulser:
 
     def close(self) -> None:
         """Switch both off and close their links; both are tried even if one fails."""
-        _all_of(self.generator.close, self.supply.close)
+        carry_out_all(self.generator.close, self.supply.close)
 
     def identify(self) -> Identity:
         """Get both devices as one: models, serial numbers and firmware joined by ``+``."""
@@ -147,7 +145,7 @@ class Pulser:
 
         The voltage falls with the supply's own time constant: `status` reports it.
         """
-        _all_of(self.generator.stop_triggers, lambda: self.supply.switch(on=False))
+        carry_out_all(self.generator.stop_triggers, lambda: self.supply.switch(on=False))
 
     def watch(self) -> bool | None:
         """Ask both devices without waiting; returns whether both are on once both answers have come.
@@ -198,17 +196,3 @@ def _problems(events: InstrumentStatus, fault: Fault) -> list[str]:
     if fault:
         found.append(f"supply fault {fault.value:02X}: {fault.name or ''}".replace("|", ", "))
     return found
-
-
-def _all_of(*steps: Callable[[], None]) -> None:
-    """Carry out every step, then raise the first error, with a note on each other one."""
-    errors: list[DeviceError] = []
-    for step in steps:
-        try:
-            step()
-        except DeviceError as error:
-            errors.append(error)
-    if errors:
-        for other in errors[1:]:
-            errors[0].add_note(f"and {other}")
-        raise errors[0]

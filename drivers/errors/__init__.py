@@ -9,6 +9,7 @@ from picoradar.drivers.errors.device import (
     ProtocolError,
     Stall,
     Timeout,
+    carry_out_all,
     check_range,
 )
 
@@ -21,6 +22,7 @@ __all__ = [
     "ProtocolError",
     "Stall",
     "Timeout",
+    "carry_out_all",
     "check_range",
     "decoder_words",
     "parse_json",

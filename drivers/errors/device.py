@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 
 class DeviceError(Exception):
     """Base class of all failures between the host and a device.
@@ -80,3 +82,22 @@ def check_range(device: str, quantity: str, value: float, minimum: float, maximu
         u = f" {unit}" if unit else ""
         raise LimitError(device, f"{quantity} {value:g}{u} is outside {minimum:g} to {maximum:g}{u}; nothing was sent")
     return float(value)
+
+
+def carry_out_all(*steps: Callable[[], None]) -> None:
+    """Carry out every step, then raise the error of the first that failed, with a note on each other one.
+
+    Raises
+    ------
+    DeviceError
+    """
+    errors: list[DeviceError] = []
+    for step in steps:
+        try:
+            step()
+        except DeviceError as error:
+            errors.append(error)
+    if errors:
+        for other in errors[1:]:
+            errors[0].add_note(f"and {other}")
+        raise errors[0]

@@ -80,10 +80,7 @@ def session(
             bench = make_bench(simulated.links, simulated.clock, simulated.usb_backend, transcript)
         controller = Controller(bench, settings)
         with signals.asking(controller) as came, _closing(controller, came):
-            identities = controller.connect()
-            if found_on := controller.bench.found_on():
-                output.console().print(f"was on when the radar was connected, switched off now: {', '.join(found_on)}")
-            yield Session(settings, controller, identities, calibration, simulated)
+            yield Session(settings, controller, controller.connect(), calibration, simulated)
     finally:
         if simulated is not None:
             simulated.close()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 
-from picoradar.drivers.errors import DeviceError
+from picoradar.drivers.errors import DeviceError, carry_out_all
 from picoradar.drivers.interfaces import Identity
 from picoradar.instrument.bench import Bench
 from picoradar.instrument.controller.safety import STEP_OF, VERIFIED, SafeShutdown, SafeState, make_safe, words_of
@@ -48,11 +48,12 @@ class Connection:
         self.is_open = True
         try:
             with self._shutdown.alone:
-                open_devices(self._bench)
+                # All, also after one has failed: the more links stand, the more can be switched off and read back.
+                carry_out_all(*(device.open for device in self._bench.devices().values()))
                 self._bench.pulser.configure(prf_hz=pulser.prf_hz, drive_v=pulser.drive_v)
                 self.known = self._bench.identify()
             if found_on := self._bench.found_on():
-                self._log.warning("was on when it was connected", found_on=list(found_on))
+                self._log.warning("was on when it was connected, is off now", found_on=list(found_on))
         except BaseException:
             self._shutdown()
             self.close()
@@ -67,26 +68,6 @@ class Connection:
                 except DeviceError as error:
                     self._log.warning("close failed", device=name, error=str(error))
             self.is_open = False
-
-
-def open_devices(bench: Bench) -> None:
-    """Open all, also after one has failed: the more links stand, the more can be switched off and read back.
-
-    Raises
-    ------
-    DeviceError
-        Of the first device that failed, with those of the others as notes.
-    """
-    failures: list[DeviceError] = []
-    for device in bench.devices().values():
-        try:
-            device.open()
-        except DeviceError as error:
-            failures.append(error)
-    if failures:
-        for other in failures[1:]:
-            failures[0].add_note(f"and {other}")
-        raise failures[0]
 
 
 def switch_off(bench: Bench) -> tuple[tuple[str, ...], SafeState]:
