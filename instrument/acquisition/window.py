@@ -30,8 +30,8 @@ from picoradar.instrument.ranging import PlanSettings, PointWindows, Ranges, Win
 IntArray = NDArray[np.int64]
 
 REVISIT_S = 6e-3  # of a point that is monitored: record and settling
-BEAT_S = 1e-3  # a frame of USB at full speed; eight microframes at high speed (USB 2.0, section 5.3.3)
-BEAT_SHARE = 0.05  # of a beat: past the start of a frame, so that rounding does not move a line into another one
+FRAME_S = 1e-3  # a frame of USB at full speed; eight microframes at high speed (USB 2.0, section 5.3.3)
+FRAME_SHARE = 0.05  # of a frame: past the start of a frame, so that rounding does not move a line into another one
 FORGOTTEN_AFTER = 4.0  # settling times of a fly-back, after which a motion has left no trace
 
 
@@ -133,7 +133,7 @@ class WindowCapture:
 
     def take(self, plan: Plan, line: LinePlan, revisit: Revisit | None, devices: Devices) -> Captured:
         """Take a line in one path, and again those of its points whose echo was not in its window."""
-        self._wait_for_beat()
+        self._wait_for_frame()
         calibration, left_s = self._setup.calibration, self._setup.clock.now()
         devices.galvo.move(int(line.lead_in[0]), int(line.lead_in[1]))  # settles while the line is planned and sent
         points = self._planner.line()
@@ -165,14 +165,14 @@ class WindowCapture:
             windows=windows,
         )
 
-    def _wait_for_beat(self) -> None:
-        """Begin at the same instant of a millisecond as every line: that is the beat of the USB frames.
+    def _wait_for_frame(self) -> None:
+        """Begin at the same instant of a millisecond as every line: the phase of the USB frames.
 
         How long the mirrors have rested before they leave for this line then does not depend on when it is taken.
         """
         now_s = self._setup.clock.now()
-        beat_s = (math.floor(now_s / BEAT_S) + BEAT_SHARE) * BEAT_S
-        self._setup.clock.sleep(beat_s - now_s if beat_s >= now_s else beat_s + BEAT_S - now_s)
+        begin_s = (math.floor(now_s / FRAME_S) + FRAME_SHARE) * FRAME_S
+        self._setup.clock.sleep(begin_s - now_s if begin_s >= now_s else begin_s + FRAME_S - now_s)
 
     def _targets(self, codes: IntArray, points: Sequence[PointWindows]) -> list[_Target]:
         settle_ms = self._scanner.window_settle_ms
