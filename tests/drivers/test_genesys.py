@@ -8,17 +8,12 @@ from pathlib import Path
 import pytest
 
 from picoradar.drivers.errors import DeviceFault, LimitError, ProtocolError, Timeout
-from picoradar.drivers.genesys import Fault, Genesys, Status, parse_rating
+from picoradar.drivers.genesys import Fault, Genesys, Status
 from picoradar.drivers.genesys.wire import (
     Filter,
     Remote,
     SupplyState,
     checksum,
-    decode,
-    encode,
-    format_number,
-    parse_state,
-    unsolicited_from,
 )
 from picoradar.sim.firmware.genesys import GenesysFirmware
 from picoradar.sim.taps import SerialTap
@@ -28,7 +23,6 @@ GOLDEN = tomllib.loads((Path(__file__).parents[1] / "golden" / "genesys.toml").r
 SHEET = [(sent.encode(), reply.encode()) for sent, reply in GOLDEN["exchange"]]
 AFTER_INTERLOCK_OPENED = [(sent.encode(), reply.encode()) for sent, reply in GOLDEN["after_interlock_opened"]]
 AFTER_INTERLOCK_CLOSED = [(sent.encode(), reply.encode()) for sent, reply in GOLDEN["after_interlock_closed"]]
-CHECKSUMS = [(text, wire.encode()) for text, wire in GOLDEN["check_sums"]]
 
 
 @pytest.fixture
@@ -97,21 +91,6 @@ def test_state_as_the_manual_prints_it(scripted):
     assert Genesys(scripted([(sent.encode(), reply.encode())])).state() == SupplyState(
         45.201, 45.0, 4.3257, 10.0, Status.AUTO_START | Status.FOLDBACK_ENABLED, Fault(0)
     )
-
-
-@pytest.mark.parametrize(("text", "wire"), CHECKSUMS)
-def test_check_sums_of_the_sheet(text, wire):
-    assert encode(text, with_checksum=True) == wire
-    assert decode(wire, with_checksum=True) == text
-
-
-def test_check_sum_of_the_digits():
-    assert checksum("123456789") == "DD"
-
-
-def test_bytes_of_the_voltage():
-    assert encode("PV 290") == bytes.fromhex("50 56 20 32 39 30 0d")
-    assert encode("OK") == bytes.fromhex("4f 4b 0d")
 
 
 def test_firmware_answers_a_check_sum_with_a_check_sum(firmware, played):
@@ -366,11 +345,6 @@ def test_another_device_is_refused(scripted):
         Genesys(link).open()
 
 
-def test_rating_from_the_name():
-    assert parse_rating("LAMBDA,GEN600-1.3") == (600, 1.3)
-    assert parse_rating("LAMBDA,GEN300-2.5") == (300, 2.5)
-
-
 def test_address_out_of_range(scripted):
     with pytest.raises(LimitError, match="address 31 is outside 0 to 30"):
         Genesys(scripted([]), address=31)
@@ -440,43 +414,3 @@ def test_auto_start_brings_the_output_back(supply, interlock):
     assert not supply.output
     interlock.closed = True
     assert supply.output
-
-
-def test_replies_are_read_with_and_without_a_check_sum():
-    assert decode(b"OK\r") == "OK"
-    assert decode(b"OK$9a\r\n") == "OK"
-
-
-@pytest.mark.parametrize(
-    ("line", "with_checksum"),
-    [(b"O\x01K\r", False), (b"OK\r", True), (b"OK$9B\r", False), (b"\xffK\r", False), (b"", True)],
-)
-def test_a_damaged_reply_is_refused(line, with_checksum):
-    with pytest.raises(ValueError, match=r"control characters|check sum|ascii"):
-        decode(line, with_checksum=with_checksum)
-
-
-def test_registers_in_a_state_reply_are_hexadecimal():
-    state = parse_state("MV(000.00),PV(290),MC(0.0000),PC(0.1),SR(8C),FR(A0)")
-    assert state.status == Status.LOCAL | Status.FAULT | Status.NO_FAULT
-    assert state.fault == Fault.INTERLOCK | Fault.SHUT_OFF
-    with pytest.raises(ValueError, match="no reply to STT"):
-        parse_state("MV(000.00),PV(290),MC(0.0000),PC(0.1),SR(8C)")
-
-
-@pytest.mark.parametrize(("text", "address"), [("!06", 6), ("!30", 30), ("!6", None), ("06", None), ("!06 ", None)])
-def test_messages_that_come_unasked_are_known_by_their_form(text, address):
-    assert unsolicited_from(text) == address
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(290.0, "290"), (0.1, "0.1"), (0.0, "0"), (329.175, "329.175"), (1e-6, "0.000001"), (100, "100")],
-)
-def test_numbers_are_written_in_at_most_twelve_characters(value, text):
-    assert format_number(value) == text
-
-
-def test_a_name_without_a_rating_is_refused():
-    with pytest.raises(ValueError, match="contains no rating"):
-        parse_rating("LAMBDA,Z+")

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import io
-import tracemalloc
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +14,7 @@ from hypothesis import strategies as st
 from picoradar.instrument.files.points import PointFileError, read_points
 from picoradar.instrument.files.points.limits import MOST_POINTS
 from picoradar.instrument.recording import RecordingError
+from tests.memory import peak_bytes
 
 POINTS = [[1.5, -2.0, 900.25], [3.0, 4.0, 901.0]]
 
@@ -204,15 +203,6 @@ def promise(shape: tuple[int, ...], descr: str = "<f8") -> bytes:
     content = io.BytesIO()
     np.lib.format.write_array_header_1_0(content, {"shape": shape, "fortran_order": False, "descr": descr})
     return content.getvalue()
-
-
-def peak_bytes(use: Callable[[], object]) -> int:
-    tracemalloc.start()
-    try:
-        use()
-        return tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
 
 
 BOMB = bytes(60_000_000)

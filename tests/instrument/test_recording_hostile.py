@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 import sqlite3
-import tracemalloc
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -20,6 +19,7 @@ from picoradar.instrument.recording import Recording, RecordingError
 from picoradar.instrument.recording.layout import Wave, compressed, decode_wave, decompressed, line_crc32
 from picoradar.instrument.recording.limits import LARGEST_LINE_BYTES
 from picoradar.instrument.recording.salvage import salvage
+from tests.memory import peak_bytes
 
 HEADER = {
     "raster": {"rows": 3, "columns": 2, "step_mm": 1.0, "mode": "sweep", "averages": 8},
@@ -222,15 +222,6 @@ def test_a_schema_whose_bytes_are_no_text(file: Path) -> None:
     for use in (Recording.open, salvage):
         with pytest.raises(RecordingError, match="the file is damaged"):
             use(file)
-
-
-def peak_bytes(use: Callable[[], object]) -> int:
-    tracemalloc.start()
-    try:
-        use()
-        return tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
 
 
 @pytest.fixture(scope="module")

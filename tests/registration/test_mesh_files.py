@@ -6,7 +6,6 @@ import base64
 import itertools
 import json
 import struct
-import tracemalloc
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -20,6 +19,7 @@ from picoradar.registration.errors import MeshError
 from picoradar.registration.model import load_model
 from picoradar.registration.model.mesh import validated
 from picoradar.registration.model.reading import read_mesh
+from tests.memory import peak_bytes
 
 BODY = trimesh.creation.icosphere(subdivisions=2, radius=30.0)
 A_FEW_BYTES = 10_000_000
@@ -29,15 +29,6 @@ def refused(suffix: str, content: bytes, words: str) -> None:
     with pytest.raises(MeshError, match=words) as raised:
         read_mesh(Path(f"model{suffix}"), content)
     assert str(raised.value).startswith(f"model{suffix}: ")
-
-
-def peak_bytes(use: Callable[[], object]) -> int:
-    tracemalloc.start()
-    try:
-        use()
-        return tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
 
 
 def stl_text(name: bytes) -> bytes:

@@ -14,6 +14,7 @@ import pytest
 from picoradar.drivers.clock import VirtualClock
 from picoradar.drivers.interfaces import Identity, PulserStatus, SamplerStatus, TemperatureStatus
 from picoradar.instrument.bench import Bench
+from picoradar.instrument.controller import disk
 from picoradar.instrument.controller.context import RunContext
 from picoradar.instrument.controller.exposure import exposure_of
 from picoradar.instrument.controller.interlocks import interlocks
@@ -121,6 +122,10 @@ class Script:
         """Get what store, log or machine were told."""
         return [what for name, what in self.seen if name == kind]
 
+    def kinds(self) -> list[tuple[str, str | None]]:
+        """Get kind and state of each event that the store was told."""
+        return [(kind, state) for _, kind, state, _ in self.told("event")]
+
     # ---- job, store and log
 
     def configure(self, _sampler: Any) -> None:
@@ -190,6 +195,14 @@ def raising(error: BaseException) -> Act:
         raise error
 
     return act
+
+
+@pytest.fixture(autouse=True)
+def free_bytes(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
+    """Room on the disk; a line takes 1000."""
+    free = {"free": 1e6}
+    monkeypatch.setattr(disk.shutil, "disk_usage", lambda _path: SimpleNamespace(**free))
+    return free
 
 
 @pytest.fixture
