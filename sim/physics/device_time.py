@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 from picoradar.sim.wires import Acquisition
 
-REMEMBERED_RUNS = 4096
+K = TypeVar("K")
+V = TypeVar("V")
+REMEMBERED = 8192  # runs, and windows
 
 
 class DeviceTime:
@@ -27,17 +31,21 @@ class DeviceTime:
         self._breaks_s = 0.0
         self._last_s: float | None = None
         self._first_s: dict[tuple[int, int], float] = {}
+        self._windows: dict[tuple[int, ...], tuple[float, int]] = {}
 
-    def see(self, wanted: Acquisition) -> None:
-        """Note that a window is taken; to be called before the others."""
+    def see(self, wanted: Acquisition) -> int:
+        """Note that a window is taken, before anything else is asked; gives `shots_of_run`."""
         run, repeat, record, window = wanted.key
         if self._last_s is not None and wanted.start_s - self._last_s > self._break_s:
             self._breaks_s += wanted.start_s - self._last_s
         self._last_s = wanted.start_s + wanted.sweeps * (wanted.samples + wanted.settle_shots) / wanted.prf_hz
-        if (run, repeat) not in self._first_s or (record == 0 and window == 0):
-            self._first_s[run, repeat] = wanted.start_s
-            if len(self._first_s) > REMEMBERED_RUNS:
-                del self._first_s[next(iter(self._first_s))]
+        found = self._windows.get(wanted.key)
+        if found is None or not 0 <= wanted.start_s - found[0] < self._break_s:
+            if (run, repeat) not in self._first_s or (record == 0 and window == 0):
+                _keep(self._first_s, (run, repeat), wanted.start_s)
+            shots = round((wanted.start_s - self._first_s[run, repeat]) * wanted.prf_hz)
+            _keep(self._windows, wanted.key, (wanted.start_s, shots))
+        return self.shots_of_run(wanted)
 
     def slow_s(self, wanted: Acquisition) -> float:
         """Get the time (s) for what changes over minutes."""
@@ -45,5 +53,15 @@ class DeviceTime:
         return (wanted.key[0] + wanted.key[2]) * record_s + self._breaks_s
 
     def shots_of_run(self, wanted: Acquisition) -> int:
-        """Get the whole shots from the first one of the run to the first one of this window."""
-        return round((wanted.start_s - self._first_s[wanted.key[0], wanted.key[1]]) * wanted.prf_hz)
+        """Get the whole shots from the first one of the run to the first one of this window.
+
+        A window that is repeated within ``break_s`` has those of its first attempt.
+        """
+        return self._windows[wanted.key][1]
+
+
+def _keep(remembered: dict[K, V], key: K, value: V) -> None:
+    """Remember a value, and forget the oldest when there are many."""
+    remembered[key] = value
+    if len(remembered) > REMEMBERED:
+        del remembered[next(iter(remembered))]

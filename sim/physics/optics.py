@@ -22,6 +22,7 @@ from picoradar.sim.physics.scene import Scene
 from picoradar.sim.physics.speckle import Speckle
 from picoradar.sim.physics.thermal import DiodeBlock
 from picoradar.sim.physics.transmitter import OPERATING_DEGC, OPERATING_V, LaserPulse, Transmitter
+from picoradar.sim.physics.true_result import Truth
 from picoradar.sim.settings import SimulationSettings
 from picoradar.sim.wires import Acquisition, Supply, TriggerLine
 
@@ -29,27 +30,6 @@ LIGHT_MM_PER_PS = 0.299792458 / 1.00027  # in air; group index at 904 nm, 20 deg
 TEMPERATURE_GRID_DEGC = 0.01
 REMEMBERED_RECORDS = 4096
 AGAIN_WITHIN_S = 60.0  # a record that is repeated later than this is taken under the conditions of that time
-
-
-class Truth(NamedTuple):
-    """The true result of one measurement.
-
-    Attributes
-    ----------
-    range_mm : float
-        Along the axis of the beam from mirror 1's axis to the target, less the mirror separation; inf where it misses.
-    response_mv : float
-        Peak of the strongest echo at the photodiode; 0 without one.
-    angles_rad : (2,) float array
-        Optical angles of the two mirrors.
-    point_mm : (3,) float array
-        Where the axis of the beam hits the target (scanner frame); NaN where it misses.
-    """
-
-    range_mm: float
-    response_mv: float
-    angles_rad: NDArray[np.float64]
-    point_mm: NDArray[np.float64]
 
 
 class _View(NamedTuple):
@@ -154,7 +134,7 @@ class Optics:
         10 mK, so that the same measurement under the same conditions gives the same codes whenever it is made. One
         that is repeated because its data were lost counts as that same measurement, conditions included.
         """
-        self._time.see(wanted)
+        shot = self._time.see(wanted)
         noise = self._noise.stream("receiver", *wanted.key).standard_normal(
             (wanted.sweeps, wanted.samples), dtype=np.float32
         )
@@ -162,7 +142,7 @@ class Optics:
             signal_mv = self._with_light(wanted, noise)
         else:
             signal_mv = np.multiply(noise, np.float32(self._receiver.dark_noise_mv), out=noise)
-        self._interference.add(signal_mv, wanted, self._time.shots_of_run(wanted))
+        self._interference.add(signal_mv, wanted, shot)
         if self._settings.memory_share > 0:
             remember(signal_mv, self._settings.memory_share, wanted.settle_shots)
         sums, self._clipped = digitise(signal_mv, self._settings)
