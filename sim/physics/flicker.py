@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from picoradar.sim.physics.noise import Noise
 
-FINEST_S = 0.2e-3  # between the corners of the fastest polygon: power up to about 1 / (2 x 0.2 ms) = 2.5 kHz
-OCTAVES = 10  # the slowest has 102 ms between its corners: down to about 5 Hz
+FINEST_S = 0.05e-3  # between the corners of the fastest polygon: power up to about 1 / (2 x 0.05 ms) = 10 kHz
+OCTAVES = 12  # the slowest has 102 ms between its corners: down to about 5 Hz
 BLOCK = 64  # corners that are drawn at once
 LINE_VARIANCE = 2 / 3  # mean variance of straight lines between independent corners of variance 1
 
