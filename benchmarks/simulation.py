@@ -4,8 +4,9 @@
 
 Scans a grid over the hip socket with full traces (8 sweeps of 1430 samples) on one core, without firmware, links or
 ranging, line by line as the instrument reads it. The floor is one Gaussian number in single precision for each
-sample. With ``--memory`` the peak memory of the process is reported for grids of several sizes. With ``--worlds`` the processor
-time of the clinic's world over that of the dissertation's is reported for full traces, and for a whole scan in windows.
+sample. With ``--memory`` the peak memory of the process is reported for grids of several sizes. With ``--worlds`` the
+processor time of the clinic's world over that of the dissertation's is reported, for full traces and for a whole scan
+in windows.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ def window_scan_s(columns: int, rows: int, world: str) -> float:
     settings = Settings.model_validate(
         {
             "seed": SEED,
-            "scan": {"mode": "windows", "columns": columns, "rows": rows},
+            "scan": {"mode": "window", "columns": columns, "rows": rows},
             "simulation": {"target": "hip", "world": world},
         }
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,8 @@ from picoradar.sim.physics.noise import Noise
 from picoradar.sim.settings import SimulationSettings
 from picoradar.sim.wires import Acquisition
 
-HARMONICS = ((1, 1.0), (3, 0.3), (5, 0.15))  # order and share of the fundamental; chosen: rectifiers give odd ones
+ORDERS = np.array([1.0, 3.0, 5.0])  # harmonics of the mains; chosen: rectifiers give the odd ones
+SHARES = np.array([1.0, 0.3, 0.15])  # of the fundamental
 
 
 class Interference:
@@ -27,6 +29,7 @@ class Interference:
     def __init__(self, settings: SimulationSettings, noise: Noise) -> None:
         self._s = settings
         self._noise = noise
+        self._start_rad = lru_cache(maxsize=64)(self._draw_phase)
         self._flicker = Flicker(noise, settings.flicker_mv)
         self._pickup_rad = noise.stream("sampler.pickup").uniform(0.0, 2 * math.pi)
 
@@ -46,13 +49,14 @@ class Interference:
 
     def _hum(self, wanted: Acquisition, first_shot: int, per_sweep: int) -> NDArray[np.float32]:
         """Hum (sweeps, samples): sin(a + b) of sweep and sample is a product of two narrow matrices."""
-        start_rad = self._noise.stream("bridge.hum", *wanted.key[:2]).uniform(0.0, 2 * math.pi)
+        start_rad = self._start_rad(*wanted.key[:2])
         per_shot = 2 * math.pi * self._s.mains_hz / wanted.prf_hz
         sweeps = start_rad + per_shot * (first_shot + wanted.settle_shots + per_sweep * np.arange(wanted.sweeps))
-        samples = per_shot * np.arange(wanted.samples)
-        left, right = [], []
-        for order, share in HARMONICS:
-            left += [share * np.sin(order * sweeps), share * np.cos(order * sweeps)]
-            right += [np.cos(order * samples), np.sin(order * samples)]
-        hum = (self._s.hum_mv * np.array(left)).T.astype(np.float32) @ np.array(right, dtype=np.float32)
-        return np.asarray(hum)
+        before, within = np.outer(sweeps, ORDERS), np.outer(ORDERS, per_shot * np.arange(wanted.samples))
+        left = np.hstack([np.sin(before) * SHARES, np.cos(before) * SHARES]).astype(np.float32)
+        right = np.vstack([np.cos(within), np.sin(within)]).astype(np.float32)
+        left *= np.float32(self._s.hum_mv)
+        return np.asarray(left @ right)
+
+    def _draw_phase(self, run: int, repeat: int) -> float:
+        return float(self._noise.stream("bridge.hum", run, repeat).uniform(0.0, 2 * math.pi))

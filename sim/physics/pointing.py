@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ class Pointing:
 
     def __init__(self, settings: SimulationSettings, noise: Noise) -> None:
         self._noise = noise
+        self._starts_rad = lru_cache(maxsize=64)(self._draw_phases)
         self._dither_rad = settings.dither_urad * 1e-6
         self._drifts = [
             SlowDrift(noise, name, settings.pointing_drift_urad * 1e-6, settings.pointing_drift_time_s)
@@ -46,7 +48,11 @@ class Pointing:
         if self._dither_rad > 0:
             length_s = wanted.sweeps * (wanted.samples + wanted.settle_shots) / wanted.prf_hz
             middle_s = time.shots_of_run(wanted) / wanted.prf_hz + length_s / 2
-            starts = self._noise.stream("scanner.dither", *wanted.key[:2]).uniform(0, 2 * math.pi, (2, len(TONES_HZ)))
-            tones = np.sin(2 * math.pi * TONES_HZ * middle_s + starts) @ np.sinc(TONES_HZ * length_s)
+            tones = np.sin(2 * math.pi * TONES_HZ * middle_s + self._starts_rad(*wanted.key[:2])) @ np.sinc(
+                TONES_HZ * length_s
+            )
             off += self._dither_rad * math.sqrt(2 / len(TONES_HZ)) * tones
         return off
+
+    def _draw_phases(self, run: int, repeat: int) -> NDArray[np.float64]:
+        return self._noise.stream("scanner.dither", run, repeat).uniform(0.0, 2 * math.pi, (2, len(TONES_HZ)))

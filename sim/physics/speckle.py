@@ -41,11 +41,11 @@ class Speckle:
         x, y = (float(angle) * self._per_rad for angle in angles_rad)
         i, j = math.floor(x), math.floor(y)
         u, v = x - i, y - j
-        weights = ((1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v)
-        corners = (self._corner(i, j), self._corner(i + 1, j), self._corner(i, j + 1), self._corner(i + 1, j + 1))
-        grain = sum(w * c for w, c in zip(weights, corners, strict=True))
+        a, b, c, d = (1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v
+        grain = a * self._corner(i, j)[:rays] + b * self._corner(i + 1, j)[:rays]
+        grain += c * self._corner(i, j + 1)[:rays] + d * self._corner(i + 1, j + 1)[:rays]
         variance = math.log1p(rays * self._contrast**2)
-        grain = grain[:rays] * math.sqrt(variance / sum(w * w for w in weights))
+        grain *= math.sqrt(variance / (a * a + b * b + c * c + d * d))
         return np.asarray(np.exp(grain - variance / 2))
 
     def _draw(self, i: int, j: int) -> NDArray[np.float64]:
