@@ -67,4 +67,4 @@ class Flicker:
 
     def _draw_corners(self, run: int, repeat: int, octave: int, block: int) -> NDArray[np.float64]:
         count = max(1, BLOCK // 2**octave)
-        return self._noise.stream("bridge.flicker", run, repeat, octave, block).standard_normal(count)
+        return np.asarray(self._noise.stream("bridge.flicker", run, repeat, octave, block).standard_normal(count))

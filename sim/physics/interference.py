@@ -30,6 +30,7 @@ class Interference:
         self._s = settings
         self._noise = noise
         self._start_rad = lru_cache(maxsize=64)(self._draw_phase)
+        self._within = lru_cache(maxsize=64)(_within_sweep)
         self._flicker = Flicker(noise, settings.flicker_mv)
         self._pickup_rad = noise.stream("sampler.pickup").uniform(0.0, 2 * math.pi)
 
@@ -52,11 +53,16 @@ class Interference:
         start_rad = self._start_rad(*wanted.key[:2])
         per_shot = 2 * math.pi * self._s.mains_hz / wanted.prf_hz
         sweeps = start_rad + per_shot * (first_shot + wanted.settle_shots + per_sweep * np.arange(wanted.sweeps))
-        before, within = np.outer(sweeps, ORDERS), np.outer(ORDERS, per_shot * np.arange(wanted.samples))
+        before = np.outer(sweeps, ORDERS)
         left = np.hstack([np.sin(before) * SHARES, np.cos(before) * SHARES]).astype(np.float32)
-        right = np.vstack([np.cos(within), np.sin(within)]).astype(np.float32)
         left *= np.float32(self._s.hum_mv)
-        return np.asarray(left @ right)
+        return np.asarray(left @ self._within(wanted.samples, per_shot))
 
     def _draw_phase(self, run: int, repeat: int) -> float:
         return float(self._noise.stream("bridge.hum", run, repeat).uniform(0.0, 2 * math.pi))
+
+
+def _within_sweep(samples: int, per_shot: float) -> NDArray[np.float32]:
+    """Cosines and sines (6, samples) of the harmonics along a sweep."""
+    phases = np.outer(ORDERS, per_shot * np.arange(samples))
+    return np.vstack([np.cos(phases), np.sin(phases)]).astype(np.float32)
