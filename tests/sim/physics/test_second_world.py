@@ -190,3 +190,40 @@ def test_a_second_path_adds_its_share_behind_the_echo(make_bench):
     lag_ps = 6.7 * (np.argmax(extra) - (300 + np.argmax(one[300:])))
     assert lag_ps == pytest.approx(2 * 200.0 / 0.2997, abs=40.0)
     assert extra.max() == pytest.approx(0.5 * one[300:].max(), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "key", ["hum_mv", "flicker_mv", "memory_share", "pickup_mv", "speckle_contrast", "tail_ageing"]
+)
+def test_each_disturbance_reaches_the_codes(make_bench, key):
+    still, disturbed = (make_bench(**changes).record(1) for changes in ({}, {key: 0.4}))
+    assert not np.array_equal(still, disturbed)
+
+
+@pytest.mark.parametrize("key", ["dither_urad", "pointing_drift_urad"])
+def test_what_moves_the_beam_shows_in_the_true_angles(make_bench, key):
+    angles = []
+    for changes in ({}, {key: 100.0}):
+        bench = make_bench(**changes)
+        bench.record(1, sweeps=1)
+        angles.append(bench.optics.truth[(1, 0, 0)].angles_rad)
+    assert 0 < np.abs(angles[1] - angles[0]).max() < 500e-6
+
+
+def test_slow_pointing_drift_has_its_strength():
+    settings = SimulationSettings(pointing_drift_urad=50.0, pointing_drift_time_s=10.0)
+    pointing, time = Pointing(settings, Noise(2)), DeviceTime(60.0)
+    deviations = []
+    for run in range(1, 20000, 20):
+        wanted = window(run)
+        time.see(wanted)
+        deviations.append(pointing.deviation_rad(wanted, time))
+    np.testing.assert_allclose(np.std(deviations, axis=0) * 1e6, 50.0, rtol=0.15)
+
+
+def test_a_window_that_is_taken_again_has_the_hum_of_its_first_time(make_bench):
+    optics = make_bench(hum_mv=2.0, pulser_heat_share=0.0).optics
+    optics.acquire(window(1, 0))
+    first = optics.acquire(window(1, 1, start_s=0.2))
+    np.testing.assert_array_equal(optics.acquire(window(1, 1, start_s=1.4345)), first)
+    assert not np.array_equal(optics.acquire(window(1, 1, start_s=71.4345)), first)  # a minute later: as of that time
