@@ -1,19 +1,24 @@
 """How fast the simulated light is, beside numpy's own speed for drawing as many Gaussian numbers.
 
-    python benchmarks/simulation.py [--grid 40x40] [--repeat 3] [--memory]
+    python benchmarks/simulation.py [--grid 40x40] [--repeat 3] [--memory] [--worlds]
 
 Scans a grid over the hip socket with full traces (8 sweeps of 1430 samples) on one core, without firmware, links or
 ranging, line by line as the instrument reads it. The floor is one Gaussian number in single precision for each
-sample. With ``--memory`` the peak memory of the process is reported for grids of several sizes.
+sample. With ``--memory`` the peak memory of the process is reported for grids of several sizes. With ``--worlds`` the
+processor time of the clinic's world over that of the dissertation's is reported, for full traces and for a whole scan
+in windows.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import json
 import os
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -21,6 +26,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
+from picoradar.instrument.cli.main import run
+from picoradar.instrument.cli.simulated import checked_simulation
+from picoradar.instrument.settings import Settings, to_toml
 from picoradar.sim.physics import Noise, bundle
 from picoradar.sim.validation import SAMPLES, SWEEPS, Bench
 
@@ -29,9 +37,9 @@ SEED = 2004
 DEVICE_S_A_POINT = 0.143
 
 
-def scan_s(columns: int, rows: int) -> float:
+def scan_s(columns: int, rows: int, world: str = "dissertation") -> float:
     """Take every record of a raster at 1 mm; seconds of processor time in `Optics.acquire` and the mirrors."""
-    bench = Bench(SEED, target="hip", distance_mm=DISTANCE_MM)
+    bench = Bench(SEED, target="hip", distance_mm=DISTANCE_MM, world=world)
     bench.take()
     begin = time.process_time()
     for row in range(rows):
@@ -39,6 +47,26 @@ def scan_s(columns: int, rows: int) -> float:
             bench.aim((column - columns / 2) / DISTANCE_MM, (row - rows / 2) / DISTANCE_MM)
             bench.take()
     return time.process_time() - begin
+
+
+def window_scan_s(columns: int, rows: int, world: str) -> float:
+    """Scan the grid in windows with the whole instrument; seconds of processor time."""
+    settings = Settings.model_validate(
+        {
+            "seed": SEED,
+            "scan": {"mode": "window", "columns": columns, "rows": rows},
+            "simulation": {"target": "hip", "world": world},
+        }
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "settings.toml"
+        path.write_text(to_toml(settings, checked_simulation(settings)), encoding="utf-8")
+        begin = time.process_time()
+        with contextlib.redirect_stdout(io.StringIO()):
+            status = run(["scan", "--settings", str(path), "-o", str(Path(folder) / "scan.db"), "--json"])
+        if status != 0:
+            raise RuntimeError(f"the scan of world {world} ended with status {status}")
+        return time.process_time() - begin
 
 
 def rays_s(columns: int, rows: int) -> float:
@@ -82,6 +110,7 @@ def main() -> None:
     parser.add_argument("--grid", default="40x40")
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--memory", action="store_true")
+    parser.add_argument("--worlds", action="store_true")
     asked = parser.parse_args()
     columns, rows = (int(part) for part in asked.grid.split("x"))
 
@@ -102,6 +131,11 @@ def main() -> None:
     }
     if asked.memory:
         result["peak_memory_mb_by_grid"] = {grid: memory_mb(grid) for grid in ("10x10", "40x40", "110x110")}
+    if asked.worlds:
+        for name, measure in (("full_traces", scan_s), ("window_scan", window_scan_s)):
+            pairs = [[measure(columns, rows, w) for w in ("dissertation", "clinic")] for _ in range(asked.repeat)]
+            off, on = np.min(pairs, axis=0)
+            result[f"clinic_{name}"] = {"off_s": round(off, 2), "on_s": round(on, 2), "ratio": round(on / off, 3)}
     print(json.dumps(result, indent=2))
 
 

@@ -6,9 +6,12 @@ measured figures; ``docs/physics.md`` says which is which.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from picoradar.sim.worlds import WORLDS
 
 Pose = tuple[float, float, float, float, float, float]
 
@@ -17,6 +20,10 @@ class SimulationSettings(BaseModel):
     """Parameters of laser, receiver, sampler, scanner, scene and diode block; unknown keys are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    world: Literal["dissertation", "clinic"] = Field(
+        "dissertation", description="Set of values for what is not written here; clinic: with hum, 1/f, speckle, dither"
+    )
 
     # Scene
     target: str = Field("hip", min_length=1, description="hip, prism, gray, plate, step, sphere, or a mesh file in mm")
@@ -138,3 +145,33 @@ class SimulationSettings(BaseModel):
     sink_conductance_w_per_k: float = Field(4.0, gt=0, le=100, description="Heat sink to the air")
     peltier_w_per_a: float = Field(2.5, gt=0, le=100, description="Heat pumped for a current")
     peltier_ohm: float = Field(1.5, gt=0, le=100, description="Resistance of the Peltier element")
+
+    # The second world (docs/physics.md): what the dissertation does not mention; 0 is off
+    hum_mv: float = Field(0.0, ge=0, le=20, description="Mains hum behind the bridge: peak of its fundamental")
+    mains_hz: float = Field(50.0, gt=0, le=400, description="Frequency of the mains")
+    flicker_mv: float = Field(0.0, ge=0, le=20, description="1/f noise behind the bridge: rms from 5 Hz to 10 kHz")
+    memory_share: float = Field(0.0, ge=0, le=0.5, description="Share of a sample that is left at the next one")
+    pickup_mv: float = Field(0.0, ge=0, le=20, description="Pick-up in step with the trigger: peak")
+    pickup_ghz: float = Field(1.0, gt=0, le=10, description="Frequency of that pick-up")
+    speckle_contrast: float = Field(0.0, ge=0, le=0.5, description="Relative deviation of the response by speckle")
+    dither_urad: float = Field(0.0, ge=0, le=1000, description="Dither of each mirror, 0.2 to 20 kHz (rms, optical)")
+    pointing_drift_urad: float = Field(
+        0.0, ge=0, le=10000, description="Slow wander of the beam on each axis (standard deviation)"
+    )
+    pointing_drift_time_s: float = Field(1200.0, gt=0, le=1e5, description="Time over which it wanders")
+    tail_ageing: float = Field(0.0, ge=0, le=0.5, description="Share of the pulse's energy in a tail of 300 ps")
+    focus_mm: float = Field(
+        0.0, ge=0, le=2000, description="Path to the narrowest spot; 0: the same spot at any distance"
+    )
+    divergence_mrad: float = Field(2.0, ge=0, le=50, description="Full angle at which the spot grows off the focus")
+    second_path_share: float = Field(0.0, ge=0, le=1, description="Share of the echo that comes back a second time")
+    second_path_mm: float = Field(20.0, ge=0, le=300, description="How much farther that second echo seems to be")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_world(cls, table: object) -> object:
+        """Take what is not written from the chosen world."""
+        if not isinstance(table, Mapping):
+            return table
+        world = table.get("world", "dissertation")
+        return {**WORLDS.get(world, {}), **table} if isinstance(world, str) else table

@@ -18,7 +18,12 @@ MAX_COORDINATE = 1e5  # mm or degrees; nothing on the bench is farther away
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else there.")]
 Seed = Annotated[int | None, typer.Option(help="Root seed of the simulated bench: same seed, same data.", min=0)]
 SettingsFile = Annotated[
-    Path | None, typer.Option("--settings", help="Settings file (TOML); without it the built-in simulated bench.")
+    Path | None,
+    typer.Option(
+        "--settings",
+        help="Settings file (TOML); without it the built-in simulated bench. The simulated bench of an operating room "
+        "(hum, 1/f noise, speckle, ...): world = 'clinic' below [simulation].",
+    ),
 ]
 Target = Annotated[str | None, typer.Option(help="hip, prism, gray, plate, step or a mesh file (simulated bench).")]
 TargetPose = Annotated[

@@ -39,3 +39,10 @@ def bundle(origin: FloatArray, direction: FloatArray, diameter_mm: float) -> Flo
     b = x * y * a
     across = np.array([[1.0 + x * x * a, b, -x], [b, 1.0 + y * y * a, -y]])
     return np.asarray(origin + (diameter_mm * OFFSETS) @ across)
+
+
+def off_focus_mm(diameter_mm: float, beyond_mm: float, divergence_mrad: float) -> float:
+    """Get the diameter of the spot some way before or behind its focus; where the beam meets nothing, as in focus."""
+    if not math.isfinite(beyond_mm):
+        return diameter_mm
+    return math.hypot(diameter_mm, divergence_mrad * 1e-3 * beyond_mm)

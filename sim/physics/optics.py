@@ -9,15 +9,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from picoradar.sim.physics.device_time import DeviceTime
 from picoradar.sim.physics.drift import SlowDrift
-from picoradar.sim.physics.footprint import bundle
+from picoradar.sim.physics.footprint import bundle, off_focus_mm
+from picoradar.sim.physics.interference import Interference
 from picoradar.sim.physics.mirrors import MirrorPair
 from picoradar.sim.physics.noise import Noise
+from picoradar.sim.physics.pointing import Pointing
 from picoradar.sim.physics.receiver import Pulse, Receiver
-from picoradar.sim.physics.sampler import add_pulse, digitise
+from picoradar.sim.physics.sampler import add_pulse, digitise, remember
 from picoradar.sim.physics.scene import Scene
+from picoradar.sim.physics.speckle import Speckle
 from picoradar.sim.physics.thermal import DiodeBlock
 from picoradar.sim.physics.transmitter import OPERATING_DEGC, OPERATING_V, LaserPulse, Transmitter
+from picoradar.sim.physics.true_result import Truth
 from picoradar.sim.settings import SimulationSettings
 from picoradar.sim.wires import Acquisition, Supply, TriggerLine
 
@@ -25,27 +30,6 @@ LIGHT_MM_PER_PS = 0.299792458 / 1.00027  # in air; group index at 904 nm, 20 deg
 TEMPERATURE_GRID_DEGC = 0.01
 REMEMBERED_RECORDS = 4096
 AGAIN_WITHIN_S = 60.0  # a record that is repeated later than this is taken under the conditions of that time
-
-
-class Truth(NamedTuple):
-    """The true result of one measurement.
-
-    Attributes
-    ----------
-    range_mm : float
-        Along the axis of the beam from mirror 1's axis to the target, less the mirror separation; inf where it misses.
-    response_mv : float
-        Peak of the strongest echo at the photodiode; 0 without one.
-    angles_rad : (2,) float array
-        Optical angles of the two mirrors.
-    point_mm : (3,) float array
-        Where the axis of the beam hits the target (scanner frame); NaN where it misses.
-    """
-
-    range_mm: float
-    response_mv: float
-    angles_rad: NDArray[np.float64]
-    point_mm: NDArray[np.float64]
 
 
 class _View(NamedTuple):
@@ -114,6 +98,10 @@ class Optics:
         self._transmitter = Transmitter(settings)
         self._receiver = Receiver(settings)
         self._drift = SlowDrift(noise, "sampler.drift", settings.drift_ps, settings.drift_time_s)
+        self._time = DeviceTime(AGAIN_WITHIN_S)
+        self._interference = Interference(settings, noise)
+        self._pointing = Pointing(settings, noise)
+        self._speckle = Speckle(settings, noise)
         self._nominal_pj = self._transmitter.pulse(OPERATING_V, OPERATING_DEGC).energy_pj
         self._reference = lru_cache(maxsize=16)(self._make_reference)
         self._clipped = False
@@ -146,6 +134,7 @@ class Optics:
         10 mK, so that the same measurement under the same conditions gives the same codes whenever it is made. One
         that is repeated because its data were lost counts as that same measurement, conditions included.
         """
+        shot = self._time.see(wanted)
         noise = self._noise.stream("receiver", *wanted.key).standard_normal(
             (wanted.sweeps, wanted.samples), dtype=np.float32
         )
@@ -153,6 +142,9 @@ class Optics:
             signal_mv = self._with_light(wanted, noise)
         else:
             signal_mv = np.multiply(noise, np.float32(self._receiver.dark_noise_mv), out=noise)
+        self._interference.add(signal_mv, wanted, shot)
+        if self._settings.memory_share > 0:
+            remember(signal_mv, self._settings.memory_share, wanted.settle_shots)
         sums, self._clipped = digitise(signal_mv, self._settings)
         return sums
 
@@ -195,8 +187,7 @@ class Optics:
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
         """Mean and standard deviation (samples,) in mV of shots of one kind, and the response of the best echo."""
         s, receiver = self._settings, self._receiver
-        record_s = wanted.sweeps * (wanted.samples + wanted.settle_shots) / wanted.prf_hz
-        drift_ps = self._drift.at((wanted.key[0] + wanted.key[2]) * record_s)
+        drift_ps = self._drift.at(self._time.slow_s(wanted))
         first_ps = wanted.delay_ps + s.strobe_lag_ps + drift_ps
 
         echoes = receiver.pulses(
@@ -228,8 +219,13 @@ class Optics:
         s = self._settings
         middle_s = wanted.start_s + (wanted.settle_shots + wanted.samples / 2) / wanted.prf_hz
         angles = self._mirrors.angles_rad(middle_s, *wanted.key[:3])
+        angles += self._pointing.deviation_rad(wanted, self._time)
         beam = self._mirrors.ray(angles)
-        origins = bundle(beam.origin, beam.direction, s.spot_diameter_mm)
+        spot_mm = s.spot_diameter_mm
+        if s.focus_mm > 0:
+            axis = self._scene.cast(beam.origin[None], beam.direction)
+            spot_mm = off_focus_mm(spot_mm, beam.path_mm + float(axis.distance_mm[0]) - s.focus_mm, s.divergence_mrad)
+        origins = bundle(beam.origin, beam.direction, spot_mm)
         if s.motion_mm > 0:
             origins[:, 2] -= s.motion_mm * math.sin(2 * math.pi * middle_s / s.motion_period_s)
         hits = self._scene.cast(origins, beam.direction)
@@ -240,6 +236,10 @@ class Optics:
         path_mm = beam.path_mm + hits.distance_mm[seen]
         collected = (s.aperture_diameter_mm / (2 * path_mm)) ** 2  # share of the light from a white Lambertian
         returned = hits.brightness[seen] * collected * (s.exit_transmission * s.receiver_transmission / len(origins))
+        returned *= self._speckle.factors(angles, len(origins))[seen]
+        if s.second_path_share > 0:
+            path_mm = np.concatenate([path_mm, path_mm + s.second_path_mm])
+            returned = np.concatenate([returned, s.second_path_share * returned])
         range_mm = beam.path_mm + axis_mm - s.mirror_separation_mm
         return _View(path_mm + s.transmitter_path_mm, returned, range_mm, point, angles)
 

@@ -19,6 +19,7 @@ CARRIER_EXPONENT = 0.3  # shape of the collected current, (1 - t/T)^0.3
 POLES = 4
 RISE_PER_POLE = 4.936  # 10-90 % rise of a step through POLES equal poles, in their time constant
 SIGMA_PER_FWHM = 1.0 / math.sqrt(8 * math.log(2))
+TAIL_PS = 300.0  # decay of the tail that an ageing diode's pulse grows; chosen
 TABLE_PS = 1.0  # straight lines between entries are good to 1e-4 of a pulse, well below a code
 SPAN_PS = 8192
 SUPPORT_LEVEL = 2e-4
@@ -163,6 +164,9 @@ class Receiver:
         lead_ps = math.ceil(1.5 * laser_fwhm_ps)
         t = np.arange(SPAN_PS, dtype=np.float64) * TABLE_PS
         light = np.exp(-4 * math.log(2) * ((t - lead_ps) / laser_fwhm_ps) ** 2)
+        if s.tail_ageing > 0:
+            tail = np.where(t >= lead_ps, np.exp(-np.maximum(t - lead_ps, 0.0) / TAIL_PS), 0.0)
+            light = light * (1 - s.tail_ageing) + tail * (s.tail_ageing * light.sum() / tail.sum())
         carriers = np.maximum(1.0 - t / s.carrier_transit_ps, 0.0) ** CARRIER_EXPONENT
         spectrum = np.fft.rfft(light) * np.fft.rfft(carriers)
         omega = 2 * np.pi * np.fft.rfftfreq(SPAN_PS, TABLE_PS)

@@ -44,6 +44,29 @@ def add_pulse(
     signal_mv[first:last] += before
 
 
+def remember(signal_mv: NDArray[np.float32], share: float, settle_shots: int) -> None:
+    """Leave a share of each sample on the hold capacitor for the next one; changes ``signal_mv`` in place.
+
+    What is held before the first sample of a sweep is that sample itself, because the settling shots before it sample
+    the same instant; without settling shots it is the last sample of the sweep before, and 0 mV before the first.
+
+    Parameters
+    ----------
+    signal_mv : (sweeps, samples) float32 array
+    share : float
+    settle_shots : int
+    """
+    before = np.empty_like(signal_mv)
+    before[:, 1:] = signal_mv[:, :-1]
+    if settle_shots > 0:
+        before[:, 0] = signal_mv[:, 0]
+    else:
+        before[0, 0], before[1:, 0] = 0.0, signal_mv[:-1, -1]
+    before -= signal_mv
+    before *= np.float32(share)
+    signal_mv += before
+
+
 def digitise(signal_mv: NDArray[np.float32], settings: SimulationSettings) -> tuple[NDArray[np.uint32], bool]:
     """Turn samples into codes and add up the sweeps.
 

@@ -117,9 +117,14 @@ def test_a_whole_scan_is_not_gone_on_with(tmp_path: Path, capsys: pytest.Capture
     assert run(["resume", str(tmp_path / "nothing.db")]) == 2
 
 
-def test_a_scan_in_windows_goes_on_to_the_same_bytes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("world", ["dissertation", "clinic"])
+def test_a_scan_in_windows_goes_on_to_the_same_bytes(
+    world: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Each line is planned from those before: what was known of them is in the recording."""
-    scan = ("scan", "--grid", "8x6", "--mode", "window", "--seed", "4", "--json")
+    chosen = tmp_path / "world.toml"
+    chosen.write_text(f'[simulation]\nworld = "{world}"\n', encoding="utf-8")
+    scan = ("scan", "--settings", str(chosen), "--grid", "8x6", "--mode", "window", "--seed", "4", "--json")
     fault = tmp_path / "lid.json"
     fault.write_text(json.dumps({"fault": [{"kind": "interlock_opened", "at": {"pulse": 6000}}]}), encoding="utf-8")
     paths = tmp_path / "whole.db", tmp_path / "broken.db"
