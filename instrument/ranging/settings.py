@@ -143,7 +143,6 @@ class RangingSettings:
             piece_trail_ps=0.7 * fwhm,  # the edge and the peak: the fall of echoes differs from slope to slope
             table_reach_ps=2 * fwhm + 2 * step,
             max_outliers=0,  # of some ten samples in a piece none can be spared
-            low_response_mv=10 * pulse.code,
             clip_mv=(pulse.full_scale[0] + pulse.code / 2, pulse.full_scale[1] - pulse.code / 2),
         )
 
