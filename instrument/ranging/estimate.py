@@ -100,7 +100,9 @@ class _Records(NamedTuple):
     reference_ps: FloatArray | None
 
     def part(self, records: slice) -> _Records:
-        return _Records(*(None if each is None else each[records] for each in self))
+        traces, usable, sweeps, seen_clipped, reference = self
+        reference = None if reference is None else reference[records]
+        return _Records(traces[records], usable[records], sweeps[records], seen_clipped[records], reference)
 
 
 class _Way(NamedTuple):

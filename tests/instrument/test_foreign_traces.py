@@ -141,5 +141,5 @@ def test_two_real_waveforms_have_their_first_echo_where_one_sees_it():
     found = estimate(traces, 1000.0 * np.arange(80), method="half-maximum", settings=settings, reference_ps=0.0)
     # by hand: (30 + 3.8) / 2 lies at sample 13 (17 counts), (25.5 + 2) / 2 between samples 14 and 15 (10, 18 counts)
     np.testing.assert_allclose(found.echo_ps, [13_000, 14_450], atol=300)
-    # What follows the second one's first echo rises by 3 counts, below the least rise of 4: both are flagged as weak only.
+    # What follows the second one's first echo rises by 3 counts, below the least rise of 4.
     assert ((found.flags & Flag.LOW_RESPONSE) != 0).tolist() == [True, True]
