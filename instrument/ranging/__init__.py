@@ -11,6 +11,8 @@ from picoradar.instrument.ranging.estimate import estimate
 from picoradar.instrument.ranging.footprint import LineBefore, mark_footprint
 from picoradar.instrument.ranging.learning import learn
 from picoradar.instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, SPEED_OF_LIGHT_MM_PER_PS, Ranges
+from picoradar.instrument.ranging.scaling import OtherPulse
+from picoradar.instrument.ranging.self_calibration import learn_moving
 from picoradar.instrument.ranging.settings import AveragingSettings, LearningSettings, RangingSettings, WalkSettings
 from picoradar.instrument.ranging.walk import fit_walk
 from picoradar.instrument.ranging.windows.choice import PlanSettings
@@ -25,6 +27,7 @@ __all__ = [
     "AveragingSettings",
     "LearningSettings",
     "LineBefore",
+    "OtherPulse",
     "PlanSettings",
     "PointWindows",
     "Pulse",
@@ -41,6 +44,7 @@ __all__ = [
     "estimate_windows",
     "fit_walk",
     "learn",
+    "learn_moving",
     "mark_footprint",
     "range_bound_mm2",
     "with_retaken",

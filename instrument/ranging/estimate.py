@@ -11,17 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 from picoradar.instrument.calibration import METHODS, Calibration, Method, ShotNoise
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.line import NO_RANGE, Flag
-from picoradar.instrument.ranging.half_maximum import Edges, half_maximum, join
+from picoradar.instrument.ranging.half_maximum import external_reference, half_maximum, join
+from picoradar.instrument.ranging.judging import flag_pulses
 from picoradar.instrument.ranging.pair import mark, to_ranges
-from picoradar.instrument.ranging.pulses import CoarseTraces, Pulses, coarse_traces, next_pulse
+from picoradar.instrument.ranging.pulses import coarse_traces, next_pulse
 from picoradar.instrument.ranging.ranges import Ranges
 from picoradar.instrument.ranging.self_calibration import self_calibrate
-from picoradar.instrument.ranging.settings import RangingSettings
+from picoradar.instrument.ranging.settings import LearningSettings, RangingSettings
 from picoradar.instrument.ranging.template import Shapes, bad_fit, fit_pair, shapes_of
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-FlagArray = NDArray[np.uint16]
 
 BLOCK = 128  # records handled together: their traces stay in the cache
 
@@ -35,8 +35,12 @@ def estimate(
     sweeps: ArrayLike = 1,
     clipped: ArrayLike | None = None,
     settings: RangingSettings | None = None,
+    learning: LearningSettings | None = None,
+    reference_ps: ArrayLike | None = None,
 ) -> Ranges:
-    """Range records that hold reference and echo in one trace (docs/ranging.md).
+    """Range records that hold reference and echo in one trace, or the echo alone (docs/ranging.md).
+
+    Traces of other instruments, in volts or counts, need settings for their pulses (docs/foreign-traces.md).
 
     A record that cannot be ranged gets flags and NaN; no content of a trace raises. The range is
     ``c / 2 x Ti + range_zero - walk(response)`` with Ti the interval between the time-significant points.
@@ -57,6 +61,11 @@ def estimate(
     clipped : (R,) bool array, optional
         Records in which the device has seen samples at an end of its A/D.
     settings : RangingSettings, optional
+    learning : LearningSettings, optional
+        Of the shapes that are learnt from the records themselves.
+    reference_ps : float or (R,) array, optional
+        Time zero from elsewhere, on the axis of ``times_ps`` and taken as exact; the first pulse of a trace is then the
+        echo. NaN: that record has no reference.
 
     Raises
     ------
@@ -76,21 +85,24 @@ def estimate(
     """
     limits = settings or RangingSettings()
     times = _check_times(times_ps, limits)
-    records = _records(traces, times.size, sweeps, clipped)
-    return _in_blocks(records, _way(records, times, method, calibration, limits))
+    records = _records(traces, times.size, sweeps, clipped, reference_ps)
+    return _in_blocks(records, _way(records, times, method, calibration, limits, learning))
 
 
 class _Records(NamedTuple):
-    """Checked input: traces (R, S), which can be used, their sweeps, and where the device has seen clipping (R,)."""
+    """Checked input: traces (R, S), which can be used, their sweeps, where the device has seen clipping, and references
+    from elsewhere (R,), if there are any."""
 
     traces: FloatArray
     usable: BoolArray
     sweeps: FloatArray
     seen_clipped: BoolArray
+    reference_ps: FloatArray | None
 
     def part(self, records: slice) -> _Records:
-        traces, usable, sweeps, seen_clipped = self
-        return _Records(traces[records], usable[records], sweeps[records], seen_clipped[records])
+        traces, usable, sweeps, seen_clipped, reference = self
+        reference = None if reference is None else reference[records]
+        return _Records(traces[records], usable[records], sweeps[records], seen_clipped[records], reference)
 
 
 class _Way(NamedTuple):
@@ -104,15 +116,23 @@ class _Way(NamedTuple):
 
 
 def _way(
-    records: _Records, times: FloatArray, method: Method, calibration: Calibration | None, limits: RangingSettings
+    records: _Records,
+    times: FloatArray,
+    method: Method,
+    calibration: Calibration | None,
+    limits: RangingSettings,
+    learning: LearningSettings | None,
 ) -> _Way:
     """Choose the shapes that records are fitted with: the calibration's, or those of the records themselves."""
     if method not in METHODS:
         raise BadInput(f"method {method!r} is not known; use {' or '.join(map(repr, METHODS))}")
     shapes: Shapes | None = None
     if method == "template" and _enough(records, times, limits):
-        values = records.traces
-        shapes = shapes_of(calibration) if calibration else self_calibrate(values, times, limits, records.sweeps)
+        if calibration:
+            shapes = shapes_of(calibration)
+        else:
+            single = records.reference_ps is not None
+            shapes = self_calibrate(records.traces, times, limits, records.sweeps, learning, single=single)
     return _Way(times, method, shapes, calibration, limits)
 
 
@@ -128,32 +148,43 @@ def _in_blocks(records: _Records, way: _Way) -> Ranges:
 
 
 def _records(
-    traces: FloatArray | Sequence[ArrayLike], samples: int, sweeps: ArrayLike, clipped: ArrayLike | None
+    traces: FloatArray | Sequence[ArrayLike],
+    samples: int,
+    sweeps: ArrayLike,
+    clipped: ArrayLike | None,
+    reference_ps: ArrayLike | None,
 ) -> _Records:
     values, usable = _stack(traces, samples)
     records = len(values)
     try:
         counts = np.broadcast_to(np.asarray(sweeps, dtype=np.float64), (records,))
         seen_clipped = np.broadcast_to(np.asarray(False if clipped is None else clipped, dtype=np.bool_), (records,))
+        external = reference_ps if reference_ps is None else np.asarray(reference_ps, dtype=np.float64)
+        external = external if external is None else np.broadcast_to(external, (records,))
     except ValueError as error:
-        raise BadInput(f"sweeps and clipped must be one value or {records} values, one a record: {error}") from error
+        raise BadInput(
+            f"sweeps, clipped and reference_ps must be one value or {records} values, one a record: {error}"
+        ) from error
     if records and not np.all(counts >= 1):
         raise BadInput(f"sweeps must be at least 1, not {np.min(counts):g}")
-    return _Records(values, usable, counts, seen_clipped)
+    return _Records(values, usable, counts, seen_clipped, external)
 
 
 def _block(records: _Records, way: _Way) -> Ranges:
-    traces, usable, sweeps, seen_clipped = records
+    traces, usable, sweeps, seen_clipped, external = records
     times, method, shapes, calibration, limits = way
     coarse = coarse_traces(traces, float(times[1] - times[0]), limits)
-    reference = next_pulse(coarse, limits)
-    echo = next_pulse(coarse, limits, reference)
+    first = next_pulse(coarse, limits)
+    reference, echo = (first, next_pulse(coarse, limits, first)) if external is None else (None, first)
     further = next_pulse(coarse, limits, echo)
     noise = calibration.noise if calibration else ShotNoise()
-    start = half_maximum(traces, times, coarse, reference, noise, sweeps, limits)
     stop = half_maximum(traces, times, coarse, echo, noise, sweeps, limits)
+    if external is None:
+        start = half_maximum(traces, times, coarse, first, noise, sweeps, limits)
+    else:
+        start = external_reference(external)
 
-    flags = _flag_pulses(coarse, (reference, echo, further), (start, stop), limits)
+    flags = flag_pulses(coarse, (reference, echo, further), (start, stop), limits)
     mark(flags, Flag.NO_REFERENCE, ~usable)
     lowest, highest = limits.clip_mv
     ends = (traces.min(axis=1) < lowest) | (traces.max(axis=1) > highest)
@@ -165,28 +196,6 @@ def _block(records: _Records, way: _Way) -> Ranges:
         pair, fit = fit_pair(traces, times, coarse, (start, stop), shapes, sweeps, limits)
         mark(flags, Flag.MIXED, ((flags & np.uint16(NO_RANGE)) == 0) & bad_fit(fit, limits))
     return to_ranges(pair, flags, method, calibration, limits)
-
-
-def _flag_pulses(
-    coarse: CoarseTraces, pulses: tuple[Pulses, Pulses, Pulses], edges: tuple[Edges, Edges], limits: RangingSettings
-) -> FlagArray:
-    """Judge reference, echo and what follows by their number, width and separation."""
-    (reference, echo, further), (start, stop) = pulses, edges
-    flags = np.zeros(len(start.time_ps), dtype=np.uint16)
-    start_width, stop_width = reference.fwhm_ps(coarse), echo.fwhm_ps(coarse)
-    with np.errstate(invalid="ignore"):
-        no_start = ~reference.found | np.isnan(start.time_ps) | (start_width < limits.narrowest_ps)
-        no_stop = ~echo.found | np.isnan(stop.time_ps) | (stop_width < limits.narrowest_ps)
-        merged = start_width > limits.widest_ps
-        no_stop |= echo.peak >= coarse.values_mv.shape[1] - 2  # the peak may lie behind the end of the trace
-        two_surfaces = further.found | (stop_width > limits.widest_ps)
-        touching = echo.valley_mv > np.maximum(coarse.step_mv, limits.touching_share * echo.height_mv)
-    mark(flags, Flag.NO_REFERENCE, no_start)
-    mark(flags, Flag.OVERLAPPED | Flag.NO_ECHO, ~no_start & merged)
-    mark(flags, Flag.NO_ECHO, ~no_start & no_stop)
-    mark(flags, Flag.OVERLAPPED, ~no_start & echo.found & touching)
-    mark(flags, Flag.MIXED, ~no_start & ~no_stop & ~merged & two_surfaces)
-    return flags
 
 
 def _check_times(times_ps: ArrayLike, limits: RangingSettings) -> FloatArray:

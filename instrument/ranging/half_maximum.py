@@ -50,6 +50,16 @@ class Edges:
     baseline_ps_per_mv: FloatArray
 
 
+class ExternalReference(Edges):
+    """Instants from elsewhere, not pulses of the trace: exact, without amplitude."""
+
+
+def external_reference(time_ps: FloatArray) -> ExternalReference:
+    """Return references (R,) whose instants come from elsewhere: no amplitude, and no error."""
+    zero, unknown = np.zeros_like(time_ps), np.full_like(time_ps, np.nan)
+    return ExternalReference(time_ps, zero, unknown, unknown, unknown, zero)
+
+
 def half_maximum(
     traces_mv: FloatArray,
     times_ps: FloatArray,
@@ -87,7 +97,7 @@ def half_maximum(
     level = (peak_mv + coarse.baseline_mv) / 2
 
     found = pulses.found & (height > 0)
-    low, share, crossed = _crossing(traces_mv, centre, level, found, round(settings.widest_ps / step_ps))
+    low, share, crossed = _crossing(traces_mv, centre, level, found, round(settings.edge_reach_ps / step_ps))
     slope = _slope(traces_mv, low, step_ps, settings.slope_half_width_ps / step_ps)
     crossed &= slope > 0
     slope = np.where(crossed, slope, np.nan)

@@ -100,6 +100,8 @@ def coarse_traces(traces_mv: FloatArray, step_ps: float, settings: RangingSettin
     typical = np.median(scatter, axis=1)
     quiet = np.abs(means - middle[:, None]) < _significant(np.sqrt(typical), width, settings)[:, None]
     quiet[:, -1] = False
+    if width == 1:  # the only jump of such a bin leads into the next, which may lie on an edge
+        quiet[:, :-1] &= np.abs(means[:, 1:] - middle[:, None]) < _significant(np.sqrt(typical), 1, settings)[:, None]
     noise = np.sqrt(np.einsum("rb,rb->r", scatter, quiet[:, :-1]) / np.maximum(quiet.sum(axis=1), 1))
     step = _significant(noise, width, settings)
     values = means - middle[:, None]

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import savgol_coeffs, savgol_filter
 
-from picoradar.instrument.calibration import PEAK_ROOM_PS, ShotNoise, Templates
+from picoradar.instrument.calibration import ShotNoise, Templates
+from picoradar.instrument.errors import BadInput
 from picoradar.instrument.ranging.half_maximum import half_maximum
 from picoradar.instrument.ranging.learning import fit_noise, smoothing_window
 from picoradar.instrument.ranging.pulses import coarse_traces, next_pulse
@@ -22,6 +23,8 @@ def self_calibrate(
     settings: RangingSettings,
     sweeps: FloatArray,
     learning: LearningSettings | None = None,
+    *,
+    single: bool = False,
 ) -> tuple[Templates, ShotNoise] | None:
     """Learn the shape of the reference, those of echoes of similar response, and the noise, from records of any target.
 
@@ -36,6 +39,8 @@ def self_calibrate(
     settings : RangingSettings
     sweeps : (R,) float array
     learning : LearningSettings, optional
+    single : bool
+        A record holds one pulse, an echo; its mean shape then stands in for that of the reference, which nobody uses.
 
     Returns
     -------
@@ -47,18 +52,18 @@ def self_calibrate(
     traces, step_ps = traces_mv[chosen], float(times_ps[1] - times_ps[0])
     coarse = coarse_traces(traces, step_ps, settings)
     first = next_pulse(coarse, settings)
-    second = next_pulse(coarse, settings, first)
+    second = first if single else next_pulse(coarse, settings, first)
     edges = [half_maximum(traces, times_ps, coarse, p, ShotNoise(), sweeps[chosen], settings) for p in (first, second)]
     interval = edges[1].time_ps - edges[0].time_ps
-    clear = np.isfinite(interval)
-    for pulse in (first, second):
+    clear = np.isfinite(interval) & (traces.max(axis=1) <= settings.clip_mv[1])
+    for pulse, widest in ((first, settings.widest_reference_ps), (second, settings.widest_ps)):
         width = pulse.fwhm_ps(coarse)
         clear &= np.isfinite(width) & (np.nan_to_num(width) > settings.narrowest_ps)
-        clear &= np.nan_to_num(width, nan=np.inf) < settings.widest_ps
+        clear &= np.nan_to_num(width, nan=np.inf) < widest
     if not clear.any() or step_ps > own.coarsest_ps:
         return None
-    reach = min(own.to_ps, float(interval[clear].min()) + own.from_ps)
-    if reach < PEAK_ROOM_PS + step_ps:
+    reach = own.to_ps if single else min(own.to_ps, float(interval[clear].min()) + own.from_ps)
+    if reach < own.peak_room_ps + step_ps:
         return None
     lifted = traces - coarse.baseline_mv[:, None]
     height, response = edges[0].height_mv, edges[1].height_mv
@@ -66,7 +71,7 @@ def self_calibrate(
     rungs = [clear & (rung == r) for r in np.unique(rung[clear])]
     templates = Templates(
         start_ps=own.from_ps,
-        step_ps=step_ps,
+        step_ps=min(step_ps, own.shape_step_ps),
         reference=_shape(lifted[clear], times_ps, edges[0].time_ps[clear], reach, own),
         reference_mv=float(height[clear].mean()),
         response_mv=tuple(float(response[some].mean()) for some in rungs),
@@ -75,15 +80,66 @@ def self_calibrate(
     return templates, _noise(lifted[clear], step_ps, sweeps[chosen][clear], own)
 
 
+def learn_moving(
+    traces: FloatArray,
+    times_ps: FloatArray,
+    *,
+    sweeps: ArrayLike = 1,
+    single: bool = False,
+    settings: RangingSettings | None = None,
+    learning: LearningSettings | None = None,
+) -> tuple[Templates, ShotNoise]:
+    """Learn pulse shapes and noise from records of targets at any distances, with any responses.
+
+    Each record is aligned by its own crossings, and echoes of similar response share a shape. Second best after
+    `learn`, which needs a target at rest.
+
+    Parameters
+    ----------
+    traces : (R, S) float array
+        Traces in mV or counts.
+    times_ps : (S,) array
+        Sampling instants, evenly spaced.
+    sweeps : int or (R,) array
+        Sweeps averaged in each trace.
+    single : bool
+        The records hold one pulse each, as for ``estimate(..., reference_ps=...)``.
+    settings, learning : RangingSettings, LearningSettings, optional
+
+    Raises
+    ------
+    BadInput
+        When no record has clear pulses, or the sampling is too coarse.
+    """
+    values, times = np.asarray(traces, dtype=np.float64), np.asarray(times_ps, dtype=np.float64)
+    if values.ndim != 2 or times.ndim != 1 or times.size < 2 or values.shape[1] != times.size:
+        raise BadInput(
+            f"traces of shape {values.shape} do not fit {times.shape} sampling instants; give one row a record"
+        )
+    finite = np.isfinite(values).all(axis=1)
+    if not finite.any():
+        raise BadInput("no training record is finite; give traces without NaN")
+    counts = np.broadcast_to(np.asarray(sweeps, dtype=np.float64), (len(values),))[finite]
+    found = self_calibrate(values[finite], times, settings or RangingSettings(), counts, learning, single=single)
+    if found is None:
+        pulses = "a clear echo" if single else "a clear reference and echo that stand apart"
+        raise BadInput(
+            f"none of {len(values)} training records has {pulses}, or steps of {times[1] - times[0]:g} ps are "
+            "too coarse; fit the settings to the pulses (RangingSettings.for_pulse, LearningSettings.for_pulse)"
+        )
+    return found
+
+
 def _shape(
     traces: FloatArray, times: FloatArray, edges_ps: FloatArray, reach_ps: float, own: LearningSettings
 ) -> tuple[float, ...]:
-    """Return the mean pulse of unit peak with its 50 % point at 0."""
-    step_ps = float(times[1] - times[0])
+    """Return the mean pulse of unit peak with its 50 % point at 0; in steps shorter than the records' where these are
+    long: their pulses lie in different places between two samples."""
+    sampled_ps = float(times[1] - times[0])
+    step_ps = min(sampled_ps, own.shape_step_ps)
+    between = np.interp if sampled_ps <= own.shape_step_ps else _smoothly
     after = own.from_ps + step_ps * np.arange(int((reach_ps - own.from_ps) / step_ps))
-    total = np.sum(
-        [np.interp(edge + after, times, trace) for edge, trace in zip(edges_ps, traces, strict=True)], axis=0
-    )
+    total = np.sum([between(edge + after, times, trace) for edge, trace in zip(edges_ps, traces, strict=True)], axis=0)
     spline = CubicSpline(after, savgol_filter(total, smoothing_window(step_ps, own), own.smooth_degree))
     fine = np.arange(after[0], after[-1], own.fine_ps)
     values = spline(fine)
@@ -92,6 +148,11 @@ def _shape(
     late = float(np.interp(values[top] / 2, values[before : before + 2], fine[before : before + 2]))
     shape = spline(np.clip(after + late, after[0], after[-1])) / values[top]
     return tuple(np.round(shape, own.decimals).tolist())
+
+
+def _smoothly(at_ps: FloatArray, times_ps: FloatArray, trace: FloatArray) -> FloatArray:
+    """Interpolate as `numpy.interp` does, but by a spline: straight lines would cut the peak off."""
+    return np.asarray(CubicSpline(times_ps, trace)(np.clip(at_ps, times_ps[0], times_ps[-1])), dtype=np.float64)
 
 
 def _noise(traces: FloatArray, step_ps: float, sweeps: FloatArray, own: LearningSettings) -> ShotNoise:

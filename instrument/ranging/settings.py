@@ -8,6 +8,12 @@ docs/ranging.md has its table. "Receiver" is the dissertation's: rise 210 ps, fu
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
+
+from picoradar.instrument.ranging.scaling import OtherPulse, scaled
+from picoradar.instrument.ranging.settings_of_means import AveragingSettings, WalkSettings
+
+__all__ = ["AveragingSettings", "LearningSettings", "RangingSettings", "WalkSettings"]
 
 
 @dataclass(frozen=True)
@@ -34,6 +40,8 @@ class RangingSettings:
     narrowest_ps, widest_ps : float
         Full widths at half maximum (ps) between which a pulse is one pulse: receiver, half and 1.25 times its own.
         Narrower is a disturbance, wider is two pulses run into each other.
+    widest_reference_ps, edge_reach_ps : float
+        A reference wider than the first (ps) has an echo in it; a leading edge is no longer than the second.
     ringing_ps, ringing_share : float
         For so long (ps) after a pulse's peak, whatever is below that share of it is its own ringing.
     touching_share : float
@@ -86,6 +94,8 @@ class RangingSettings:
     min_baseline_bins: int = 4
     narrowest_ps: float = 300.0
     widest_ps: float = 750.0
+    widest_reference_ps: float = 750.0
+    edge_reach_ps: float = 750.0
     ringing_ps: float = 1200.0
     ringing_share: float = 0.15
     touching_share: float = 0.075
@@ -116,6 +126,26 @@ class RangingSettings:
     window_top_ps: float = 130.0
     start_height_mv: float = 1.0
 
+    @classmethod
+    def for_pulse(cls, pulse: OtherPulse) -> Self:
+        """Scale every constant to the pulses of another instrument; `OtherPulse` has an example."""
+        fwhm, step = pulse.fwhm_ps, pulse.step_ps
+        return scaled(
+            cls(),
+            pulse,
+            bin_ps=pulse.rise_ps_or_usual / 4,
+            window_smooth_ps=pulse.rise_ps_or_usual / 4,
+            min_samples=max(cls.min_window_samples, round(2 * fwhm / step)),
+            widest_ps=1.4 * fwhm,  # slopes broaden an echo, and a bin is added to it
+            widest_reference_ps=2.5 * fwhm,
+            edge_reach_ps=4 * fwhm,
+            piece_lead_ps=0.8 * fwhm,
+            piece_trail_ps=0.7 * fwhm,  # the edge and the peak: the fall of echoes differs from slope to slope
+            table_reach_ps=2 * fwhm + 2 * step,
+            max_outliers=0,  # of some ten samples in a piece none can be spared
+            clip_mv=(pulse.full_scale[0] + pulse.code / 2, pulse.full_scale[1] - pulse.code / 2),
+        )
+
 
 @dataclass(frozen=True)
 class LearningSettings:
@@ -143,6 +173,9 @@ class LearningSettings:
         the rise time.
     rung_log : float
         Responses within a quarter share one shape (difference of logarithms).
+    peak_room_ps, shape_step_ps : float
+        Least extent (ps) of a shape behind its 50 % point, and longest step (ps) of a shape: records with longer ones
+        are interpolated.
     fine_ps : float
         Step (ps) in which the peak and half height of a mean shape are looked for; its square is far below 1 ps.
     """
@@ -162,66 +195,18 @@ class LearningSettings:
     coarsest_ps: float = 50.0
     rung_log: float = 0.25
     fine_ps: float = 0.25
+    peak_room_ps: float = 400.0
+    shape_step_ps: float = 50.0
 
-
-@dataclass(frozen=True)
-class WalkSettings:
-    """Thresholds and priors of `fit_walk`; priors as (lowest, highest, number of values).
-
-    Attributes
-    ----------
-    min_levels, min_readings : int
-        Gray levels, and usable readings in each.
-    min_level_ratio : float
-        By how much two levels' responses must differ, as a share.
-    outlier_sigmas, min_deviation_mm : float
-        Readings so many robust standard deviations off their level's median are left out; the median deviation
-        counts as at least so much (mm), far below a reading's noise.
-    rounds : int
-        The slope of the first tells what a wrong response does to an error.
-    knots : int
-        Of the curve in the calibration file.
-    drawn : int
-        Curves drawn from the process; their standard deviation is known to 4 %.
-    min_prior_weight : float
-        A prior less likely than that share of the likeliest one is left out: it changes nothing.
-    reference_mv : float
-        Response (mV) at which the priors' scales hold.
-    scales_mm, length_logs, powers : (float, float, int)
-        Prior scales of the walk (mm), lengths of the kernel in ln(response), and powers of the response with which
-        the walk dies out.
-    """
-
-    min_levels: int = 4
-    min_readings: int = 10
-    min_level_ratio: float = 1e-3
-    outlier_sigmas: float = 5.0
-    min_deviation_mm: float = 1e-9
-    rounds: int = 2
-    knots: int = 97
-    drawn: int = 400
-    min_prior_weight: float = 1e-3
-    reference_mv: float = 15.0
-    scales_mm: tuple[float, float, int] = (0.02, 60.0, 14)
-    length_logs: tuple[float, float, int] = (0.2, 3.0, 10)
-    powers: tuple[float, float, int] = (0.0, 6.0, 5)
-
-
-@dataclass(frozen=True)
-class AveragingSettings:
-    """Thresholds of `average_sweeps` and `average_ranges`.
-
-    Attributes
-    ----------
-    sweep_sigmas : float
-        A sweep is left out when its mean square deviation exceeds the usual one by so many standard deviations of
-        white noise: twice the 8 that would do, because noise is greater on the pulses, where fewer samples decide.
-    outlier_sigmas : float
-        A reading so far off the median is left out.
-    min_to_judge : int
-        Of two readings none can be judged.
-    """
-
-    sweep_sigmas: float = 16.0
-    outlier_sigmas: float = 5.0
-    min_to_judge: int = 3
+    @classmethod
+    def for_pulse(cls, pulse: OtherPulse) -> Self:
+        """Scale every constant to the pulses of another instrument; `OtherPulse` has an example."""
+        rise = pulse.rise_ps_or_usual
+        return scaled(
+            cls(),
+            pulse,
+            smooth_ps=rise / 2,
+            coarsest_ps=0.6 * rise,  # the records' different places between two samples show the rest
+            from_ps=-1.2 * pulse.fwhm_ps,
+            shape_step_ps=cls.shape_step_ps,  # the calibration file's limit
+        )

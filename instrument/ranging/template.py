@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from picoradar.instrument.calibration import Calibration, ShotNoise, Templates
 from picoradar.instrument.errors import BadInput
-from picoradar.instrument.ranging.half_maximum import Edges
+from picoradar.instrument.ranging.half_maximum import Edges, ExternalReference
 from picoradar.instrument.ranging.pair import PulsePair
 from picoradar.instrument.ranging.pulses import CoarseTraces
 from picoradar.instrument.ranging.settings import RangingSettings
 from picoradar.instrument.ranging.shape_table import PulseFamily, ShapeTable
-from picoradar.instrument.ranging.template_fit import PulseFit, fit_pulses
+from picoradar.instrument.ranging.template_fit import UNKNOWNS, PulseFit, fit_pulses
 
 FloatArray = NDArray[np.float64]
 Shapes = tuple[Templates, ShotNoise]
@@ -75,6 +75,10 @@ def fit_pair(
     start, stop = edges
     fits, firsts = [], []
     for table, edge in zip(tables(shapes, step_ps, settings), edges, strict=True):
+        if isinstance(edge, ExternalReference):
+            fits.append(_exact(edge))
+            firsts.append(np.zeros_like(edge.time_ps))
+            continue
         pieces, first = _cut(traces_mv, times_ps, edge.time_ps, settings)
         guess = np.nan_to_num(edge.time_ps - times_ps[first])
         height = np.nan_to_num(edge.height_mv, nan=settings.start_height_mv)
@@ -84,6 +88,14 @@ def fit_pair(
     echo = unreliable(fits[1], lost)
     pair = combine(fits[0], echo, firsts[0], firsts[1], coarse.baseline_mv, coarse.baseline_variance_mv2)
     return _without(pair, lost, np.isnan(start.time_ps)), fits[1]
+
+
+def _exact(edge: Edges) -> PulseFit:
+    """Return instants from elsewhere as fits without error, which know nothing of amplitude and baseline."""
+    none, unknown = np.zeros_like(edge.time_ps), np.full_like(edge.time_ps, np.nan)
+    covariance = np.zeros((len(none), UNKNOWNS, UNKNOWNS))
+    covariance[:, 2, 2] = NO_KNOWLEDGE[2, 2]
+    return PulseFit(np.nan_to_num(edge.time_ps), unknown, none, covariance, none, none)
 
 
 def combine(
