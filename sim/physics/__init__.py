@@ -6,7 +6,7 @@ from picoradar.sim.physics.laser_monitor import LaserMonitor
 from picoradar.sim.physics.materials import BONE_WET, WHITE
 from picoradar.sim.physics.mirrors import FULL_FIELD_DEG, Beam, MirrorPair, trace
 from picoradar.sim.physics.noise import Noise
-from picoradar.sim.physics.optics import LIGHT_MM_PER_PS, Optics, Truth
+from picoradar.sim.physics.optics import LIGHT_MM_PER_PS, Optics
 from picoradar.sim.physics.receiver import TABLE_PS, Receiver
 from picoradar.sim.physics.scene import FloatArray, Scene, Target
 from picoradar.sim.physics.targets import (
@@ -22,6 +22,7 @@ from picoradar.sim.physics.targets import (
 from picoradar.sim.physics.thermal import DiodeBlock
 from picoradar.sim.physics.tissue import FOSSA_MM, add_tissue, decorate
 from picoradar.sim.physics.transmitter import OPERATING_DEGC, OPERATING_V, LaserPulse, Transmitter
+from picoradar.sim.physics.true_result import Truth
 
 __all__ = [
     "BONE_WET",

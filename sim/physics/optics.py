@@ -16,8 +16,11 @@ from picoradar.sim.physics.noise import Noise
 from picoradar.sim.physics.receiver import Pulse, Receiver
 from picoradar.sim.physics.sampler import add_pulse, digitise
 from picoradar.sim.physics.scene import Scene
+from picoradar.sim.physics.spread import Spread
 from picoradar.sim.physics.thermal import DiodeBlock
+from picoradar.sim.physics.tissue_light.light import TissueLight
 from picoradar.sim.physics.transmitter import OPERATING_DEGC, OPERATING_V, LaserPulse, Transmitter
+from picoradar.sim.physics.true_result import Truth
 from picoradar.sim.settings import SimulationSettings
 from picoradar.sim.wires import Acquisition, Supply, TriggerLine
 
@@ -25,27 +28,6 @@ LIGHT_MM_PER_PS = 0.299792458 / 1.00027  # in air; group index at 904 nm, 20 deg
 TEMPERATURE_GRID_DEGC = 0.01
 REMEMBERED_RECORDS = 4096
 AGAIN_WITHIN_S = 60.0  # a record that is repeated later than this is taken under the conditions of that time
-
-
-class Truth(NamedTuple):
-    """The true result of one measurement.
-
-    Attributes
-    ----------
-    range_mm : float
-        Along the axis of the beam from mirror 1's axis to the target, less the mirror separation; inf where it misses.
-    response_mv : float
-        Peak of the strongest echo at the photodiode; 0 without one.
-    angles_rad : (2,) float array
-        Optical angles of the two mirrors.
-    point_mm : (3,) float array
-        Where the axis of the beam hits the target (scanner frame); NaN where it misses.
-    """
-
-    range_mm: float
-    response_mv: float
-    angles_rad: NDArray[np.float64]
-    point_mm: NDArray[np.float64]
 
 
 class _View(NamedTuple):
@@ -57,6 +39,7 @@ class _View(NamedTuple):
     range_mm: float
     point_mm: NDArray[np.float64]
     angles_rad: NDArray[np.float64]
+    spreads: tuple[Spread, ...] | None  # in time, of each ray
 
 
 class _Conditions(NamedTuple):
@@ -113,6 +96,7 @@ class Optics:
         self._scene = scene
         self._transmitter = Transmitter(settings)
         self._receiver = Receiver(settings)
+        self._tissue = TissueLight(settings, noise) if settings.tissue_light else None
         self._drift = SlowDrift(noise, "sampler.drift", settings.drift_ps, settings.drift_time_s)
         self._nominal_pj = self._transmitter.pulse(OPERATING_V, OPERATING_DEGC).energy_pj
         self._reference = lru_cache(maxsize=16)(self._make_reference)
@@ -203,6 +187,7 @@ class Optics:
             laser.delay_ps + 2 * view.path_mm / LIGHT_MM_PER_PS,
             receiver.charge_fc(laser.energy_pj * view.returned),
             laser.fwhm_ps,
+            view.spreads,
         )
         mean_mv, slope = np.zeros((2, wanted.samples), dtype=np.float32)
         for pulse in self._reference(laser) + echoes:
@@ -241,7 +226,11 @@ class Optics:
         collected = (s.aperture_diameter_mm / (2 * path_mm)) ** 2  # share of the light from a white Lambertian
         returned = hits.brightness[seen] * collected * (s.exit_transmission * s.receiver_transmission / len(origins))
         range_mm = beam.path_mm + axis_mm - s.mirror_separation_mm
-        return _View(path_mm + s.transmitter_path_mm, returned, range_mm, point, angles)
+        spreads = None
+        if self._tissue is not None:
+            spreads, gain = self._tissue.behind(self._scene, hits, origins, beam.direction)
+            returned *= gain
+        return _View(path_mm + s.transmitter_path_mm, returned, range_mm, point, angles, spreads)
 
     def _block_heat_w(self) -> float:
         return self._transmitter.block_heat_w(self._supply.output_v(), self._trigger.rate_hz)
