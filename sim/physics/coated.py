@@ -33,7 +33,8 @@ def coated(material: SampleMaterial = "bone", coat_mm: float = 0.1) -> Target:
     Returns
     -------
     Target
-        Bare half in the plane z = 0, paint at z = ``coat_mm``, with a straight edge along y between them.
+        Bare half in the plane z = 0, paint at z = ``coat_mm``, with a straight edge along y between them. Put straight
+        in front of the scanner, the paint lies at its negative x.
     """
     x, y = HALF_LENGTH_MM, HALF_WIDTH_MM
     bare = _box((-x, -y, -THICKNESS_MM), (0.0, y, 0.0), SAMPLES[material])

@@ -26,7 +26,7 @@ SUPPORT_LEVEL = 2e-4
 LEVELS = 33
 NOMINAL_FWHM_PS = 44.0
 APART_PS = 200.0  # light that arrives later than this counts as a pulse of its own
-WALK_COUNTS = 1e-3  # growth of the own rise time from which the walk counts: 0.2 ps
+WALK_COUNTS = 1e-3  # a difference of this in the growth of the own rise time is left out: 0.1 ps
 
 
 class PulseTable(NamedTuple):
@@ -170,7 +170,8 @@ class Receiver:
         start_ps, shape, response_mv = self._response(charge_fc, laser_fwhm_ps)
         together = convolved(shape, light)
         lowered = float(together.max()) / response_mv
-        if self.rise_excess(lowered * response_mv) > WALK_COUNTS:  # the walk goes by the peak that there is
+        # The walk goes by the peak that there is.
+        if self.rise_excess(lowered * response_mv) > self.rise_excess(response_mv) + WALK_COUNTS:
             _, shape, _ = self._response(charge_fc, laser_fwhm_ps, lowered)
             together = convolved(shape, light)
         return Pulse(together, first_ps + start_ps, float(together.max()))

@@ -20,6 +20,7 @@ from picoradar.sim.settings import SimulationSettings
 FloatArray = NDArray[np.float64]
 
 ANGLE_STEP_DEG = 5.0  # responses are made for these angles of incidence: the bias changes by 1 % from one to the next
+STEPS_PER_RAD = math.degrees(1.0) / ANGLE_STEP_DEG
 SURFACE_STEP = 0.02  # and for these shares of surface light: 1 % of the bias
 AT_ONCE: Spread = np.ones(1, dtype=np.float32)
 
@@ -63,13 +64,12 @@ class TissueLight:
         origins, direction : (N, 3) and (3,) arrays
             The rays, scanner frame.
         """
-        seen = np.flatnonzero(hits.brightness > 0)
+        seen = (hits.brightness > 0).nonzero()[0]
         if len(seen) == 0:
             return Inside((), np.ones(0))
         place_mm = scene.in_model(origins[seen[0]] + hits.distance_mm[seen[0]] * direction)
-        share = self._surface_share(*(math.floor(x / self._s.surface_patch_mm) for x in place_mm.tolist()))
-        cosine = np.minimum(hits.cosine[seen], 1.0)
-        steps = np.rint(np.degrees(np.arccos(cosine)) / ANGLE_STEP_DEG).astype(int).tolist()
+        share = self._surface_share(*(round(x / self._s.surface_patch_mm) for x in place_mm.tolist()))
+        steps = [round(math.acos(min(cosine, 1.0)) * STEPS_PER_RAD) for cosine in hits.cosine[seen].tolist()]
         materials = scene.materials(hits.face[seen])
         found = [
             (AT_ONCE, 1.0) if m.inside is None else self._response(m.inside, n, share if m.inside.moist else 0)
