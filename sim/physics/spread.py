@@ -54,7 +54,7 @@ def convolved(shape: Spread, light: Spread) -> Spread:
     The ends are set to zero exactly: what the transform leaves there is rounding.
     """
     if len(light) == 1:
-        return np.multiply(shape, light[0], dtype=np.float32)
+        return np.asarray(shape * light[0], dtype=np.float32)
     length = len(shape) + len(light) - 1
     padded = -(-length // LENGTHS) * LENGTHS
     product = np.fft.rfft(shape, padded)
