@@ -3,10 +3,10 @@
     python benchmarks/simulation.py [--grid 40x40] [--repeat 3] [--memory] [--worlds]
 
 Scans a grid over the hip socket with full traces (8 sweeps of 1430 samples) on one core, without firmware, links or
-ranging, line by line as the instrument reads it. The floor is one Gaussian number in single precision for each
-sample. With ``--memory`` the peak memory of the process is reported for grids of several sizes. With ``--worlds`` the
-processor time of the clinic's world over that of the dissertation's is reported, for full traces and for a whole scan
-in windows.
+ranging, line by line as the instrument reads it, and beside it how much longer it takes with light that enters the
+tissue. The floor is one Gaussian number in single precision for each sample. With ``--memory`` the peak memory of the
+process is reported for grids of several sizes. With ``--worlds`` the processor time of the clinic's world over that of
+the dissertation's is reported, for full traces and for a whole scan in windows.
 """
 
 from __future__ import annotations
@@ -31,21 +31,23 @@ from picoradar.instrument.cli.simulated import checked_simulation
 from picoradar.instrument.settings import Settings, to_toml
 from picoradar.sim.physics import Noise, bundle
 from picoradar.sim.validation import SAMPLES, SWEEPS, Bench
+from picoradar.sim.worlds import WORLDS
 
 DISTANCE_MM = 900.0
 SEED = 2004
 DEVICE_S_A_POINT = 0.143
+WINDOW_SAMPLES = 200  # of both windows of a record together, about
 
 
-def scan_s(columns: int, rows: int, world: str = "dissertation") -> float:
+def scan_s(columns: int, rows: int, samples: int = SAMPLES, **changes: object) -> float:
     """Take every record of a raster at 1 mm; seconds of processor time in `Optics.acquire` and the mirrors."""
-    bench = Bench(SEED, target="hip", distance_mm=DISTANCE_MM, world=world)
-    bench.take()
+    bench = Bench(SEED, target="hip", distance_mm=DISTANCE_MM, **changes)
+    bench.take(samples=samples)
     begin = time.process_time()
     for row in range(rows):
         for column in range(columns):
             bench.aim((column - columns / 2) / DISTANCE_MM, (row - rows / 2) / DISTANCE_MM)
-            bench.take()
+            bench.take(samples=samples)
     return time.process_time() - begin
 
 
@@ -67,6 +69,14 @@ def window_scan_s(columns: int, rows: int, world: str) -> float:
         if status != 0:
             raise RuntimeError(f"the scan of world {world} ended with status {status}")
         return time.process_time() - begin
+
+
+def tissue_light_times(columns: int, rows: int, samples: int, repeat: int) -> float:
+    """Processor time of the same raster with light in tissue, over that without; the least of several each."""
+    off, on = (
+        min(scan_s(columns, rows, samples, tissue_light=light) for _ in range(repeat)) for light in (False, True)
+    )
+    return round(on / off, 2)
 
 
 def rays_s(columns: int, rows: int) -> float:
@@ -127,13 +137,15 @@ def main() -> None:
         "times_floor": round(scan / floor, 2),
         "ray_casting_share": round(rays / scan, 3),
         "faster_than_device": round(columns * rows * DEVICE_S_A_POINT / scan),
+        "tissue_light_times": tissue_light_times(columns, rows, SAMPLES, asked.repeat),
+        "tissue_light_times_in_windows": tissue_light_times(columns, rows, WINDOW_SAMPLES, asked.repeat),
         "peak_memory_mb": peak_memory_mb(),
     }
     if asked.memory:
         result["peak_memory_mb_by_grid"] = {grid: memory_mb(grid) for grid in ("10x10", "40x40", "110x110")}
     if asked.worlds:
         for name, measure in (("full_traces", scan_s), ("window_scan", window_scan_s)):
-            pairs = [[measure(columns, rows, w) for w in ("dissertation", "clinic")] for _ in range(asked.repeat)]
+            pairs = [[measure(columns, rows, world=w) for w in WORLDS] for _ in range(asked.repeat)]
             off, on = np.min(pairs, axis=0)
             result[f"clinic_{name}"] = {"off_s": round(off, 2), "on_s": round(on, 2), "ratio": round(on / off, 3)}
     print(json.dumps(result, indent=2))

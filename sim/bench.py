@@ -112,7 +112,7 @@ class SimulatedBench:
         self.mirrors = MirrorPair(self.clock, checked, self.noise)
         self.scene = build_scene(checked, self.noise)
         self.target = self.scene.target
-        self.bare_target = load_target(checked.target, checked.reflectance)
+        self.bare_target = load_target(checked.target, checked.reflectance, checked)
 
         self.dg645 = Dg645Firmware(self.clock, self.trigger, self.interlock)
         self.genesys = GenesysFirmware(self.clock, self.interlock)
@@ -173,7 +173,7 @@ class SimulatedBench:
         ValueError
             When the target cannot be used.
         """
-        self.target = load_target(target, reflectance)
+        self.target = load_target(target, reflectance, self.settings)
         self.scene = Scene(self.target, place_target(self.target, pose[2], pose, self.noise.stream("scene.pose")))
         self.optics.aim_at(self.scene)
 

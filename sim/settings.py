@@ -7,13 +7,16 @@ measured figures; ``docs/physics.md`` says which is which.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from picoradar.sim.worlds import WORLDS
 
 Pose = tuple[float, float, float, float, float, float]
+Share = Annotated[float, Field(ge=0, le=1)]
+SampleMaterial = Literal["bone", "cancellous", "cartilage", "fat", "muscle"]
+TARGETS = "hip, prism, gray, plate, step, sphere, coated (half of it painted), or a mesh file in mm"
 
 
 class SimulationSettings(BaseModel):
@@ -26,7 +29,7 @@ class SimulationSettings(BaseModel):
     )
 
     # Scene
-    target: str = Field("hip", min_length=1, description="hip, prism, gray, plate, step, sphere, or a mesh file in mm")
+    target: str = Field("hip", min_length=1, description=TARGETS)
     target_pose: Pose | None = Field(
         None, description="Target in the scanner frame: x, y, z (mm), turns about x, y, z (deg); none: by seed"
     )
@@ -43,6 +46,18 @@ class SimulationSettings(BaseModel):
     motion_mm: float = Field(0.0, ge=0, le=20, description="Amplitude of the target's slow motion along the beam")
     motion_period_s: float = Field(4.0, gt=0, le=1000, description="Period of that motion (breathing)")
     background_nw: float = Field(20.0, ge=0, le=1e6, description="Steady light on the photodiode")
+
+    # Light in tissue
+    tissue_light: bool = Field(False, description="Light enters bone, tissue and paint and comes back later")
+    receiver_view_mm: float = Field(3.0, ge=0.5, le=50, description="Radius of the disc that the receiver sees")
+    surface_share: tuple[Share, Share] = Field(
+        (0.0, 0.4), description="Least and largest share of the echo of moist tissue that its surface reflects at once"
+    )
+    surface_patch_mm: float = Field(2.0, ge=0.1, le=100, description="Size of a place with one such share")
+    tissue_sample: int = Field(0, ge=0, le=2**31, description="Number of the sample of tissue; 0: typical tissue")
+    tissue_spread: float = Field(0.2, ge=0, le=0.5, description="Relative deviation of scattering between samples")
+    sample_material: SampleMaterial = Field("bone", description="Material of the target coated")
+    coat_mm: float = Field(0.1, ge=0.05, le=1, description="Thickness of the paint on the target coated")
 
     # Pulser and laser diode
     storage_capacitance_pf: float = Field(205.0, gt=0, le=5000, description="Capacitor discharged through the diode")
@@ -175,3 +190,10 @@ class SimulationSettings(BaseModel):
             return table
         world = table.get("world", "dissertation")
         return {**WORLDS.get(world, {}), **table} if isinstance(world, str) else table
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        least, largest = self.surface_share
+        if least > largest:
+            raise ValueError(f"surface_share: the least, {least}, is above the largest, {largest}")
+        return self

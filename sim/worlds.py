@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-CLINIC: dict[str, float] = {
+CLINIC: dict[str, float | bool] = {
     # Behind the bridge, in the band of the extended-time signal (100 Hz to 3 kHz)
     "hum_mv": 0.1,  # chosen: a fifth of the amplifier's noise, what a shielded amplifier of gain 34 leaves
     "flicker_mv": 0.1,  # chosen: a fifth of the white noise
@@ -22,7 +22,8 @@ CLINIC: dict[str, float] = {
     "pointing_drift_urad": 75.0,  # middle of the 50 to 100 urad of a session
     "tail_ageing": 0.01,  # chosen: a diode after long use
     "focus_mm": 1000.0,  # the distance at which the dissertation states the spot of 1 mm
+    # Light that enters bone and tissue and comes back late (docs/physics.md, light in tissue)
+    "tissue_light": True,
 }
-# Parameters of light inside tissue belong into this set, too, when the simulator has them.
 
-WORLDS: Mapping[str, Mapping[str, float]] = {"dissertation": {}, "clinic": CLINIC}
+WORLDS: Mapping[str, Mapping[str, float | bool]] = {"dissertation": {}, "clinic": CLINIC}

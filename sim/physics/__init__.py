@@ -7,8 +7,9 @@ from picoradar.sim.physics.materials import BONE_WET, WHITE
 from picoradar.sim.physics.mirrors import FULL_FIELD_DEG, Beam, MirrorPair, trace
 from picoradar.sim.physics.noise import Noise
 from picoradar.sim.physics.optics import LIGHT_MM_PER_PS, Optics
-from picoradar.sim.physics.receiver import TABLE_PS, Receiver
+from picoradar.sim.physics.receiver import Receiver
 from picoradar.sim.physics.scene import FloatArray, Scene, Target
+from picoradar.sim.physics.spread import TABLE_PS
 from picoradar.sim.physics.targets import (
     HIP_FILE,
     SOCKET_AXIS,

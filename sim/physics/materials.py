@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
+from picoradar.sim.physics.tissue_light import optical
 
 FloatArray = NDArray[np.float64]
 
@@ -25,12 +27,15 @@ class Material:
         Standard deviation of the slope of the diffuse facets; 0 is Lambert's law.
     gloss_deg : float
         Width (standard deviation of the facets' slope) of the specular lobe.
+    inside : Optical, optional
+        What light meets below the surface (`SimulationSettings.tissue_light`); None lets none in.
     """
 
     diffuse: float
     specular: float = 0.0
     roughness_deg: float = 30.0
     gloss_deg: float = 8.0
+    inside: optical.Optical | None = None
 
     def coefficients(self) -> tuple[float, float, float, float]:
         """Get a, b, s, g of ``a cos + b sin^2 + s exp(-g tan^2)`` (see `backscatter`)."""
@@ -60,18 +65,22 @@ def backscatter(cosine: FloatArray, coefficients: FloatArray) -> FloatArray:
     return np.asarray(a * cosine + b * sine_squared + s * np.exp(-g * sine_squared / np.maximum(squared, 1e-9)))
 
 
-BONE_MOIST = Material(0.64, specular=0.03, gloss_deg=15.0)
-BONE_WET = Material(0.64, specular=0.045, gloss_deg=15.0)
-CARTILAGE = Material(0.65, specular=0.05, gloss_deg=12.0)
-SOFT_TISSUE = Material(0.48, specular=0.05, gloss_deg=15.0)
-FAT = Material(0.55, specular=0.04, roughness_deg=20.0, gloss_deg=15.0)
-BLOOD = Material(0.22, specular=0.15, roughness_deg=10.0, gloss_deg=8.0)
-CLOT = Material(0.012, roughness_deg=20.0)
+BONE_MOIST = Material(0.64, specular=0.03, gloss_deg=15.0, inside=optical.CORTICAL_BONE)
+BONE_WET = Material(0.64, specular=0.045, gloss_deg=15.0, inside=optical.CORTICAL_BONE)
+BONE_SPONGY = Material(0.6, specular=0.045, gloss_deg=15.0, inside=optical.CANCELLOUS_BONE)
+CARTILAGE = Material(0.65, specular=0.05, gloss_deg=12.0, inside=optical.CARTILAGE)
+CARTILAGE_ON_BONE = replace(CARTILAGE, inside=optical.CORTICAL_BONE)  # 1 to 2 mm of it: reads as bone to 0.05 mm
+SOFT_TISSUE = Material(0.48, specular=0.05, gloss_deg=15.0, inside=optical.MUSCLE)
+FAT = Material(0.55, specular=0.04, roughness_deg=20.0, gloss_deg=15.0, inside=optical.FAT)
+BLOOD = Material(0.22, specular=0.15, roughness_deg=10.0, gloss_deg=8.0, inside=optical.BLOOD)
+CLOT = Material(0.012, roughness_deg=20.0, inside=optical.BLOOD)
 STEEL = Material(0.12, specular=1.5, roughness_deg=10.0, gloss_deg=5.0)
-WHITE = Material(0.9)
-GRAY_PAINT = Material(0.5)
 
 
 def paint(reflectance: float) -> Material:
     """Get a diffuse paint of some gray."""
-    return Material(reflectance)
+    return Material(reflectance, inside=optical.paint_inside(reflectance))
+
+
+WHITE = paint(0.9)
+GRAY_PAINT = paint(0.5)

@@ -21,8 +21,10 @@ from picoradar.sim.physics.sampler import add_pulse, digitise, remember
 from picoradar.sim.physics.scene import Scene
 from picoradar.sim.physics.speckle import Speckle
 from picoradar.sim.physics.thermal import DiodeBlock
+from picoradar.sim.physics.tissue_light.light import TissueLight
 from picoradar.sim.physics.transmitter import OPERATING_DEGC, OPERATING_V, LaserPulse, Transmitter
 from picoradar.sim.physics.true_result import Truth
+from picoradar.sim.physics.view import View
 from picoradar.sim.settings import SimulationSettings
 from picoradar.sim.wires import Acquisition, Supply, TriggerLine
 
@@ -32,24 +34,13 @@ REMEMBERED_RECORDS = 4096
 AGAIN_WITHIN_S = 60.0  # a record that is repeated later than this is taken under the conditions of that time
 
 
-class _View(NamedTuple):
-    """View of the spot: ``path_mm`` (N,) from the diode to the target and the share of the pulse's energy
-    that comes back onto the photodiode, ``returned`` (N,), for each ray that hits; and the beam's axis."""
-
-    path_mm: NDArray[np.float64]
-    returned: NDArray[np.float64]
-    range_mm: float
-    point_mm: NDArray[np.float64]
-    angles_rad: NDArray[np.float64]
-
-
 class _Conditions(NamedTuple):
     """Conditions of a measurement besides its noise: time, command of the mirrors, diode and view."""
 
     start_s: float
     commanded: tuple[float, float]
     diode_degc: float
-    view: _View
+    view: View
 
 
 class Optics:
@@ -97,6 +88,7 @@ class Optics:
         self._scene = scene
         self._transmitter = Transmitter(settings)
         self._receiver = Receiver(settings)
+        self._tissue = TissueLight(settings, noise) if settings.tissue_light else None
         self._drift = SlowDrift(noise, "sampler.drift", settings.drift_ps, settings.drift_time_s)
         self._time = DeviceTime(AGAIN_WITHIN_S)
         self._interference = Interference(settings, noise)
@@ -170,7 +162,7 @@ class Optics:
         np.copyto(signal_mv, np.float32(self._receiver.dark_noise_mv) * noise, where=lost)
         return signal_mv
 
-    def _conditions(self, wanted: Acquisition) -> tuple[float, _View]:
+    def _conditions(self, wanted: Acquisition) -> tuple[float, View]:
         """Temperature of the diode and view of the spot: those of the first attempt, if the mirrors have not moved."""
         commanded = self._mirrors.commanded
         found = self._found.get(wanted.key)
@@ -183,7 +175,7 @@ class Optics:
         return found.diode_degc, found.view
 
     def _sample(
-        self, wanted: Acquisition, view: _View, laser: LaserPulse
+        self, wanted: Acquisition, view: View, laser: LaserPulse
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
         """Mean and standard deviation (samples,) in mV of shots of one kind, and the response of the best echo."""
         s, receiver = self._settings, self._receiver
@@ -194,6 +186,7 @@ class Optics:
             laser.delay_ps + 2 * view.path_mm / LIGHT_MM_PER_PS,
             receiver.charge_fc(laser.energy_pj * view.returned),
             laser.fwhm_ps,
+            view.spreads,
         )
         mean_mv, slope = np.zeros((2, wanted.samples), dtype=np.float32)
         for pulse in self._reference(laser) + echoes:
@@ -214,7 +207,7 @@ class Optics:
         charge_fc = self._receiver.reference_charge_fc(laser.energy_pj / self._nominal_pj)
         return self._receiver.pulses(np.array([arrival_ps]), np.array([charge_fc]), laser.fwhm_ps)
 
-    def _view(self, wanted: Acquisition) -> _View:
+    def _view(self, wanted: Acquisition) -> View:
         """Follow the beam to the target and back; the middle of the first sweep stands for the whole record."""
         s = self._settings
         middle_s = wanted.start_s + (wanted.settle_shots + wanted.samples / 2) / wanted.prf_hz
@@ -237,11 +230,13 @@ class Optics:
         collected = (s.aperture_diameter_mm / (2 * path_mm)) ** 2  # share of the light from a white Lambertian
         returned = hits.brightness[seen] * collected * (s.exit_transmission * s.receiver_transmission / len(origins))
         returned *= self._speckle.factors(angles, len(origins))[seen]
-        if s.second_path_share > 0:
-            path_mm = np.concatenate([path_mm, path_mm + s.second_path_mm])
-            returned = np.concatenate([returned, s.second_path_share * returned])
+        spreads = None
+        if self._tissue is not None:
+            spreads, gain = self._tissue.behind(self._scene, hits, origins, beam.direction)
+            returned *= gain
         range_mm = beam.path_mm + axis_mm - s.mirror_separation_mm
-        return _View(path_mm + s.transmitter_path_mm, returned, range_mm, point, angles)
+        view = View(path_mm + s.transmitter_path_mm, returned, range_mm, point, angles, spreads)
+        return view.seen_again(s.second_path_share, s.second_path_mm) if s.second_path_share > 0 else view
 
     def _block_heat_w(self) -> float:
         return self._transmitter.block_heat_w(self._supply.output_v(), self._trigger.rate_hz)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from picoradar.sim.physics.spread import TABLE_PS, TOGETHER_PS, arriving, convolved
 from picoradar.sim.settings import SimulationSettings
 
 FloatArray = NDArray[np.float64]
@@ -20,13 +22,12 @@ POLES = 4
 RISE_PER_POLE = 4.936  # 10-90 % rise of a step through POLES equal poles, in their time constant
 SIGMA_PER_FWHM = 1.0 / math.sqrt(8 * math.log(2))
 TAIL_PS = 300.0  # decay of the tail that an ageing diode's pulse grows; chosen
-TABLE_PS = 1.0  # straight lines between entries are good to 1e-4 of a pulse, well below a code
 SPAN_PS = 8192
 SUPPORT_LEVEL = 2e-4
 LEVELS = 33
 NOMINAL_FWHM_PS = 44.0
 APART_PS = 200.0  # light that arrives later than this counts as a pulse of its own
-TOGETHER_PS = 10.0  # light that arrives within this counts as simultaneous: 0.2 % of rise time
+WALK_COUNTS = 1e-3  # a difference of this in the growth of the own rise time is left out: 0.1 ps
 
 
 class PulseTable(NamedTuple):
@@ -99,7 +100,13 @@ class Receiver:
         exponent = (response_mv - self._s.slow_rise_response_mv) / self._s.slow_rise_width_mv
         return self._s.slow_rise_excess / (1.0 + math.exp(min(exponent, 700.0)))
 
-    def pulses(self, arrivals_ps: FloatArray, charges_fc: FloatArray, laser_fwhm_ps: float) -> list[Pulse]:
+    def pulses(
+        self,
+        arrivals_ps: FloatArray,
+        charges_fc: FloatArray,
+        laser_fwhm_ps: float,
+        spreads: Sequence[NDArray[np.float32]] | None = None,
+    ) -> list[Pulse]:
         """Get the pulses of the photodiode for light that arrives in several parts.
 
         Parameters
@@ -108,6 +115,8 @@ class Receiver:
             Arrival of each part (centre of the laser pulse) and its charge.
         laser_fwhm_ps : float
             Width of the laser pulse.
+        spreads : sequence of (K,) float32 arrays, optional
+            How each part is spread in time after its arrival: shares of sum 1 every `TABLE_PS`.
 
         Returns
         -------
@@ -115,14 +124,20 @@ class Receiver:
             One for each group of parts that arrive close together, in order of time.
         """
         order = arrivals_ps.argsort()
+        if not charges_fc.all():
+            order = order[charges_fc[order] > 0]
         arrivals, charges = arrivals_ps[order], charges_fc[order]
-        if not charges.all():
-            arrivals, charges = arrivals[charges > 0], charges[charges > 0]
         if len(arrivals) == 0:
             return []
         cuts = (arrivals[1:] - arrivals[:-1] > APART_PS).nonzero()[0] + 1
         bounds = [0, *cuts.tolist(), len(arrivals)]
-        return [self._group(arrivals[i:j], charges[i:j], laser_fwhm_ps) for i, j in itertools.pairwise(bounds)]
+        if spreads is None:
+            return [self._group(arrivals[i:j], charges[i:j], laser_fwhm_ps) for i, j in itertools.pairwise(bounds)]
+        late = [spreads[part] for part in order.tolist()]
+        return [
+            self._spread_group(arrivals[i:j], charges[i:j], laser_fwhm_ps, late[i:j])
+            for i, j in itertools.pairwise(bounds)
+        ]
 
     def reference_charge_fc(self, relative_energy: float) -> float:
         """Get the charge of the reference pulse for a laser energy relative to that at 290 V and 23 degC."""
@@ -143,13 +158,37 @@ class Receiver:
             together[entry + 1 : entry + 1 + len(shape)] += np.float32(share * between) * shape
         return Pulse(together, first_ps + start_ps, float(together.max()))
 
-    def _response(self, charge_fc: float, laser_fwhm_ps: float) -> tuple[float, NDArray[np.float32], float]:
-        """Start (ps), shape (mV) and peak (mV) of the response to one charge at time 0."""
+    def _spread_group(
+        self,
+        arrivals_ps: FloatArray,
+        charges_fc: FloatArray,
+        laser_fwhm_ps: float,
+        spreads: list[NDArray[np.float32]],
+    ) -> Pulse:
+        """Pulse of parts that are spread in time each: the response, convolved with when the light arrives."""
+        charge_fc = float(charges_fc.sum())
+        first_ps, light = arriving(arrivals_ps, charges_fc / charge_fc, spreads)
+        start_ps, shape, response_mv = self._response(charge_fc, laser_fwhm_ps)
+        together = convolved(shape, light)
+        lowered = float(together.max()) / response_mv
+        # The walk goes by the peak that there is.
+        if self.rise_excess(lowered * response_mv) > self.rise_excess(response_mv) + WALK_COUNTS:
+            _, shape, _ = self._response(charge_fc, laser_fwhm_ps, lowered)
+            together = convolved(shape, light)
+        return Pulse(together, first_ps + start_ps, float(together.max()))
+
+    def _response(
+        self, charge_fc: float, laser_fwhm_ps: float, lowered: float = 1.0
+    ) -> tuple[float, NDArray[np.float32], float]:
+        """Start (ps), shape (mV) and peak (mV) of the response to one charge at time 0.
+
+        Light that is spread in time makes a peak ``lowered`` times as high, after which the own rise time goes.
+        """
         table = self._table(round(laser_fwhm_ps, 1))
         volts_area = charge_fc * self._s.load_ohm  # fC x ohm = mV ps
         linear_mv = volts_area / float(table.widths_ps[0])
         volts_area /= math.sqrt(1.0 + (linear_mv / self._s.saturation_mv) ** 2)
-        excess = self.rise_excess(volts_area / float(table.widths_ps[0]))
+        excess = self.rise_excess(lowered * volts_area / float(table.widths_ps[0]))
         place = excess / self._s.slow_rise_excess * (LEVELS - 1) if excess > 0 else 0.0
         low = min(int(place), LEVELS - 2)
         share = place - low

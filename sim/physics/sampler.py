@@ -7,7 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.sim.physics.receiver import TABLE_PS, Pulse
+from picoradar.sim.physics.receiver import Pulse
+from picoradar.sim.physics.spread import TABLE_PS
 from picoradar.sim.settings import SimulationSettings
 
 MAX_CODE = 255

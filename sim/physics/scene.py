@@ -90,7 +90,16 @@ class Scene:
         offsets = np.einsum("ij,ij->i", normals, corners[keep, 0])
         surfaces = np.array([material.coefficients() for material in target.materials])[target.face_material[keep]]
         self._faces = np.column_stack([normals, offsets, surfaces])
+        self._face_material = target.face_material[keep]
         self._caster = caster(corners[keep])
+
+    def materials(self, faces: NDArray[np.int64]) -> list[Material]:
+        """Get the materials (N,) of faces that rays hit."""
+        return [self.target.materials[number] for number in self._face_material[faces].tolist()]
+
+    def in_model(self, point_mm: FloatArray) -> FloatArray:
+        """Get a point (3,) of the scanner frame in the target's own frame, mm."""
+        return np.asarray((point_mm - self.scanner_from_model[:3, 3]) @ self.scanner_from_model[:3, :3])
 
     def cast(self, origins: FloatArray, directions: FloatArray) -> Hits:
         """Follow rays to the target.

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from picoradar.sim.physics.coated import coated
 from picoradar.sim.physics.materials import BONE_MOIST, GRAY_PAINT, WHITE, Material, paint
 from picoradar.sim.physics.mesh_file import read_mesh_file
 from picoradar.sim.physics.noise import Noise
@@ -27,15 +28,17 @@ LARGEST_TILT_DEG = 15.0
 AIM_SIGMA_MM = 1.5
 
 
-def load_target(name: str, reflectance: float | None = None) -> Target:
+def load_target(name: str, reflectance: float | None = None, piece: SimulationSettings | None = None) -> Target:
     """Make the body that the settings name.
 
     Parameters
     ----------
     name : str
-        ``hip``, ``prism``, ``gray``, ``plate``, ``step``, ``sphere`` or the path of a mesh file in mm.
+        ``hip``, ``prism``, ``gray``, ``plate``, ``step``, ``sphere``, ``coated`` or the path of a mesh file in mm.
     reflectance : float, optional
-        Diffuse reflectance of the whole body; by default each body has its own.
+        Diffuse reflectance of the whole body, then of paint; by default each body has its own material.
+    piece : SimulationSettings, optional
+        Material and coat of the body ``coated``; those of the defaults by default.
 
     Raises
     ------
@@ -43,7 +46,10 @@ def load_target(name: str, reflectance: float | None = None) -> Target:
         When it is a file that cannot be read, or holds no usable mesh in mm.
     """
     body = _BODIES.get(name)
-    target = body() if body is not None else _from_file(name, name)
+    if name == "coated" and piece is not None:
+        target = coated(piece.sample_material, piece.coat_mm)
+    else:
+        target = body() if body is not None else _from_file(name, name)
     return target if reflectance is None else made_of(target, paint(reflectance))
 
 
@@ -100,7 +106,7 @@ def build_scene(settings: SimulationSettings, noise: Noise) -> Scene:
     ValueError
         When the target cannot be used, or is to be decorated for surgery and is not the hip.
     """
-    target = load_target(settings.target, settings.reflectance)
+    target = load_target(settings.target, settings.reflectance, settings)
     if settings.surgical or settings.tissue_share > 0:
         if settings.target != "hip":
             raise ValueError(f"target {settings.target}: surgical and tissue_share are for the hip only")
@@ -172,6 +178,7 @@ def sphere() -> Target:
 
 _BODIES: dict[str, Callable[[], Target]] = {
     "hip": hip,
+    "coated": coated,
     "prism": prism,
     "plate": plate,
     "step": step,

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from picoradar.sim.physics.materials import BLOOD, BONE_WET, CARTILAGE, CLOT, FAT, SOFT_TISSUE, STEEL, Material
+from picoradar.sim.physics.materials import BLOOD, BONE_WET, CARTILAGE_ON_BONE, CLOT, FAT, SOFT_TISSUE, STEEL, Material
 from picoradar.sim.physics.scene import FloatArray, Target
 
 SOCKET_RADIUS_MM = 25.5
@@ -33,7 +33,7 @@ def decorate(bone: Target, centre: FloatArray, axis: FloatArray) -> Target:
     Target
     """
     wall = (_wall_areas(bone, centre, CARTILAGE_MM) > 0).astype(np.int64)
-    wet = Target(bone.name, bone.vertices, bone.faces, (BONE_WET, CARTILAGE), wall)
+    wet = Target(bone.name, bone.vertices, bone.faces, (BONE_WET, CARTILAGE_ON_BONE), wall)
     floor = np.array(FOSSA_MM)
     pad = _lump(floor - 0.5 * axis, axis, (6.0, 5.0, 1.5), 0.0, FAT)
     clot = _lump(floor + 0.9 * axis, axis, (CLOT_MM / 2, CLOT_MM / 2, 0.4), 0.0, CLOT)
