@@ -138,6 +138,15 @@ class ShapeTable:
         score: FloatArray = np.stack(seen, axis=1) - modelled
         return score
 
+    def design(self, first: IntArray, samples: int) -> FloatArray:
+        """Return the derivatives (3, R, M) of the samples of pieces by delay, amplitude and baseline."""
+        by_delay = _pieces(self._by_delay, first, samples)
+        return np.stack([by_delay, _pieces(self._by_amplitude, first, samples), np.ones_like(by_delay)])
+
+    def weights(self, first: IntArray, samples: int) -> FloatArray:
+        """Return the inverse variances (R, M) of samples of a single sweep."""
+        return _pieces(self._weight, first, samples)
+
     def residual(self, entries: Entries, change: FloatArray, pieces_mv: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what the model, moved by ``change`` (R, 3) in delay, amplitude and baseline, leaves of each piece (R,
         M), and the inverse variances (R, M)."""

@@ -13,6 +13,7 @@ from picoradar.instrument.errors import BadInput
 from picoradar.instrument.ranging.half_maximum import Edges, ExternalReference
 from picoradar.instrument.ranging.pair import PulsePair
 from picoradar.instrument.ranging.pulses import CoarseTraces
+from picoradar.instrument.ranging.residual_noise import widened
 from picoradar.instrument.ranging.settings import RangingSettings
 from picoradar.instrument.ranging.shape_table import PulseFamily, ShapeTable
 from picoradar.instrument.ranging.template_fit import UNKNOWNS, PulseFit, fit_pulses
@@ -84,6 +85,7 @@ def fit_pair(
         height = np.nan_to_num(edge.height_mv, nan=settings.start_height_mv)
         fits.append(fit_pulses(pieces, table, guess, height, sweeps, settings))
         firsts.append(times_ps[first])
+    fits, usual = widened(fits, settings)
     lost = np.isnan(start.time_ps) | np.isnan(stop.time_ps)
     echo = unreliable(fits[1], lost)
     pair = combine(fits[0], echo, firsts[0], firsts[1], coarse.baseline_mv, coarse.baseline_variance_mv2)
