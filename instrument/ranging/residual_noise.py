@@ -18,14 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from picoradar.instrument.ranging.common_shape import usable_records
 from picoradar.instrument.ranging.settings import RangingSettings
 from picoradar.instrument.ranging.shape_table import ShapeTable
 from picoradar.instrument.ranging.template_fit import UNKNOWNS, PulseFit, Residuals
 
 FloatArray = NDArray[np.float64]
 
-COMPONENTS = 4  # more white noise, jitter (ps^2 a shot), 1/f noise, slope of the baseline
-JITTER = 1
+# More white noise, jitter (ps^2), energy (share^2) of a shot, 1/f noise (mV^2), slope of the baseline (mV^2)
+WHITE, JITTER, ENERGY, FLICKER, SLOPE = COMPONENTS = range(5)
 
 
 class _Effects(NamedTuple):
@@ -51,65 +52,97 @@ class _Effects(NamedTuple):
     amplitude_mv: float
 
 
-def widened(fits: Sequence[PulseFit], settings: RangingSettings) -> tuple[list[PulseFit], list[FloatArray]]:
-    """State what the residuals of fits show.
+class ResidualNoise:
+    """Noise beyond the calibrated one that the residuals of fits show.
 
     Parameters
     ----------
     fits : sequence of PulseFit
         Of one radar, taken one shortly after the other. Records of another shape than most do not count.
     settings : RangingSettings
-
-    Returns
-    -------
-    list of PulseFit
-        With the covariance that the components found add.
-    list of (R,) arrays
-        How many times the sum of squared residuals that noise as calibrated gives they explain, for each record.
     """
-    shown = [(fit, fit.residuals) for fit in fits if fit.residuals is not None]
-    effects = [_effects_of(fit, left, settings.slow_waves) for fit, left in shown]
-    sizes = _sizes([(*pair, one) for pair, one in zip(shown, effects, strict=True)], settings)
-    wider, usual = [], []
-    known = iter(effects)
-    for fit in fits:
-        if fit.residuals is None:
-            wider.append(fit)
-            usual.append(np.ones(len(fit.delay_ps)))
-            continue
-        one = next(known)
-        relative = np.maximum(fit.amplitude_mv / one.amplitude_mv, settings.min_growth)
-        sweeps = fit.residuals.sweeps
-        wider.append(fit._replace(covariance=fit.covariance + _added(sizes, one, relative, sweeps)))
-        samples = fit.residuals.deviations.shape[1]
-        extra = one.seen[:samples].sum(axis=0) * sizes / (samples - UNKNOWNS)
-        usual.append(1.0 + extra[JITTER] * relative**2 + extra[:JITTER].sum() + extra[JITTER + 1 :].sum())
-    return wider, usual
+
+    def __init__(self, fits: Sequence[PulseFit], settings: RangingSettings) -> None:
+        self._settings = settings
+        groups = [
+            (fit, left, _effects_of(left, settings.slow_waves)) for fit in fits if (left := fit.residuals) is not None
+        ]
+        self._sizes = _sizes(groups, settings)
+
+    def widen(self, fit: PulseFit) -> PulseFit:
+        """Return a fit with the covariance that this noise adds."""
+        left = fit.residuals
+        if left is None or not self._sizes.any():
+            return fit
+        effects = _effects_of(left, self._settings.slow_waves)
+        relative = np.maximum(fit.amplitude_mv / effects.amplitude_mv, self._settings.min_growth)
+        return fit._replace(covariance=fit.covariance + _added(self._sizes, effects, relative, left.sweeps))
+
+    def usual_square(self, fit: PulseFit) -> FloatArray:
+        """Return how many times the sum of squares that calibrated noise leaves is usual, for each record (R,)."""
+        left = fit.residuals
+        if left is None or not self._sizes.any():
+            return np.ones(len(fit.delay_ps))
+        effects = _effects_of(left, self._settings.slow_waves)
+        relative = np.maximum(fit.amplitude_mv / effects.amplitude_mv, self._settings.min_growth)
+        samples = left.deviations.shape[1]
+        extra = self._sizes * effects.seen[:samples].sum(axis=0) / (samples - UNKNOWNS)
+        growth = np.ones((len(relative), len(COMPONENTS)))
+        growth[:, JITTER] = growth[:, ENERGY] = relative**2
+        growth[:, SLOPE] = left.sweeps
+        return np.asarray(1.0 + growth @ extra, dtype=np.float64)
+
+    def deviations_covariance(self, left: Residuals) -> FloatArray:
+        """Return the covariance (M, M) of the deviations of a usual record, whole noise and before the fit."""
+        samples = left.deviations.shape[1]
+        covariance = np.eye(samples)
+        if self._sizes.any():
+            first, _ = _usual_entry(left)
+            root = np.sqrt(left.table.weights(np.array([first]), samples)[0])
+            sizes = self._sizes.copy()
+            sizes[SLOPE] *= np.median(left.sweeps)
+            units = _units(left.table, first, samples)
+            covariance += np.einsum("c,cij->ij", sizes, units) * root[:, None] * root
+        return covariance
 
 
-def _effects_of(fit: PulseFit, left: Residuals, waves: int) -> _Effects:
+def _effects_of(left: Residuals, waves: int) -> _Effects:
     """Look up what unit components do to the usual record of a group."""
+    return _effects(left.table, *_usual_entry(left), left.deviations.shape[1], waves)
+
+
+def _usual_entry(left: Residuals) -> tuple[int, float]:
     samples = left.deviations.shape[1]
-    middle = left.table.locate(
-        np.array([np.median(left.entries.delay_ps)]), np.array([np.median(left.entries.amplitude_mv)]), samples
-    )
-    return _effects(left.table, int(middle.first[0]), float(middle.amplitude_mv[0]), samples, waves)
+    delay, amplitude = np.array([np.median(left.entries.delay_ps)]), np.array([np.median(left.entries.amplitude_mv)])
+    entry = left.table.locate(delay, amplitude, samples)
+    return int(entry.first[0]), float(entry.amplitude_mv[0])
+
+
+@lru_cache(maxsize=64)
+def _units(table: ShapeTable, first: int, samples: int) -> FloatArray:
+    """Return the covariances (C, M, M) in mV^2 of unit components."""
+    at = np.array([first])
+    slope, weight = table.design(at, samples)[0, 0], table.weights(at, samples)[0]
+    signal = table.shifted(first, samples, 0.0)
+    apart = np.abs(np.subtract.outer(np.arange(samples), np.arange(samples)))
+    flicker = np.log(samples) - np.log(np.maximum(apart, 0.5))  # of equal power in every octave
+    place = np.linspace(-1.0, 1.0, samples)
+    white = np.eye(samples) / np.median(weight)
+    return np.stack([white, np.diag(slope**2), np.diag(signal**2), flicker, np.outer(place, place)])
 
 
 @lru_cache(maxsize=256)
 def _effects(table: ShapeTable, first: int, amplitude_mv: float, samples: int, waves: int) -> _Effects:
     at = np.array([first])
     design, weight = table.design(at, samples)[:, 0], table.weights(at, samples)[0]
+    root = np.sqrt(weight)
     gain = np.linalg.pinv((design * weight) @ design.T, hermitian=True) @ (design * weight)  # (3, M)
-    rest = (np.eye(samples) - design.T @ gain) * np.sqrt(weight)[:, None]  # deviations that a change leaves
+    rest = (np.eye(samples) - design.T @ gain) * root[:, None]  # deviations that a change in mV leaves
     place = np.linspace(-1.0, 1.0, samples)
-    slow = np.linalg.qr(np.polynomial.legendre.legvander(place, waves))[0][:, 1:].T / np.sqrt(np.median(weight))
-    forms = np.vstack([rest, slow @ (rest * np.sqrt(weight)[:, None])])
-    slow = slow * np.sqrt(weight)  # of deviations
-    apart = np.abs(np.subtract.outer(np.arange(samples), np.arange(samples)))
-    flicker = np.log(samples) - np.log(np.maximum(apart, 0.5))  # of equal power in every octave
-    units = (np.eye(samples) / np.median(weight), np.diag(design[0] ** 2), flicker, np.outer(place, place))
-    seen = np.stack([np.einsum("qi,ij,qj->q", forms, unit, forms) for unit in units], axis=1)
+    slow = np.linalg.qr(np.polynomial.legendre.legvander(place, waves))[0][:, 1:].T
+    forms = np.vstack([rest, slow @ rest])
+    units = _units(table, first, samples)
+    seen = np.einsum("qi,cij,qj->qc", forms, units, forms, optimize=True)
     added = np.stack([gain @ unit @ gain.T for unit in units])
     return _Effects(seen, np.einsum("qi,qi,i->q", forms, forms, 1.0 / weight), slow, added, amplitude_mv)
 
@@ -118,24 +151,22 @@ def _sizes(groups: Sequence[tuple[PulseFit, Residuals, _Effects]], settings: Ran
     """Find the sizes (C,) of the components that explain the residuals of all groups."""
     rows, values = [], []
     for fit, left, effects in groups:
-        square = np.einsum("rm,rm->r", left.deviations, left.deviations) / left.used.sum(axis=1)
-        usable = np.isfinite(square) & (fit.amplitude_mv > settings.min_response_mv)
+        usable = usable_records(fit, left, settings)
         if not usable.any():
             continue
-        usable &= square <= settings.max_pooled_misfit * max(float(np.median(square[usable])), 1.0)
         deviations, used = left.deviations[usable], left.used[usable]
         count = np.concatenate([used.sum(axis=0), np.full(len(effects.waves), len(deviations))])
         total = np.concatenate([np.sum(deviations**2, axis=0), np.sum((deviations @ effects.waves.T) ** 2, axis=0)])
         usual = np.maximum(effects.calibrated, settings.least_expected)
         scale = np.sqrt(count / 2.0) / usual  # a mean of R squares of normal deviates scatters by sqrt(2 / R)
         relative = fit.amplitude_mv[usable] / effects.amplitude_mv
-        growth = np.ones(COMPONENTS)
-        growth[JITTER] = np.mean(relative**2)
-        growth[-1] = np.mean(left.sweeps[usable])  # mains hum is the same in every sweep
+        growth = np.ones(len(COMPONENTS))
+        growth[JITTER] = growth[ENERGY] = np.mean(relative**2)
+        growth[SLOPE] = np.mean(left.sweeps[usable])  # mains hum is the same in every sweep
         rows.append(effects.seen * growth * scale[:, None])
         values.append((total / np.maximum(count, 1) - effects.calibrated) * scale)
     if not rows:
-        return np.zeros(COMPONENTS)
+        return np.zeros(len(COMPONENTS))
     return _significant(np.concatenate(rows), np.concatenate(values), settings)
 
 
@@ -158,11 +189,10 @@ def _added(sizes: FloatArray, effects: _Effects, relative: FloatArray, sweeps: F
     """Return the covariance (R, 3, 3) that components add to records of relative amplitude (R,)."""
     ones = np.ones_like(relative)
     additive = np.column_stack([1.0 / relative, ones, ones])
-    of_jitter = np.column_stack([ones, relative, relative])
-    averaged = np.tensordot(sizes[[0, 2]], effects.added[[0, 2]], axes=1)
-    slope = sizes[3] * effects.added[3]
-    white_like = averaged / sweeps[:, None, None] + slope
-    jitter = sizes[JITTER] * effects.added[JITTER] / sweeps[:, None, None]
+    of_pulse = np.column_stack([ones, relative, relative])
+    each = sizes[:, None, None] * effects.added
+    noise = (each[WHITE] + each[FLICKER]) / sweeps[:, None, None] + each[SLOPE]
+    shots = (each[JITTER] + each[ENERGY]) / sweeps[:, None, None]
     return np.asarray(
-        white_like * additive[:, :, None] * additive[:, None, :] + jitter * of_jitter[:, :, None] * of_jitter[:, None, :]
+        noise * additive[:, :, None] * additive[:, None, :] + shots * of_pulse[:, :, None] * of_pulse[:, None, :]
     )

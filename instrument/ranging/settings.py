@@ -74,6 +74,15 @@ class RangingSettings:
         Of the noise that residuals show (`residual_noise`): records with more than so many times the usual sum of
         squares do not count; polynomials that see slow noise; least expected square of a deviation; and standard
         deviations that a component must stand out by.
+    min_common, common_sigmas, common_local_ps, common_smoother, common_share :
+        int, float, float, float, float
+        Records whose common residual is looked at (`common_shape`), standard deviations by which it must stand out,
+        length (ps) over which its size is local, how much smoother the whole is than what a fit leaves, and share of the stated deviation from which it is `distorted`.
+    probes_ps, near_probes, probe_grid_ps, near_sigmas, far_sigmas, explained_share :
+        (floats), int, float, float, float, float
+        A second pulse (`second_pulse`) is looked for at these distances (ps); so many of them are too near to be told
+        apart; pulses are placed on a grid of so much; and it is believed from so many standard deviations on
+        if it explains so much of what is unusual. 2.7: 4 of 1000 single echoes are called mixed.
     worst_misfit_sigmas, worst_residual : float
         An echo whose fit leaves residuals so many standard deviations above what noise gives, and greater than this
         share of its amplitude, has not the form of one surface.
@@ -131,6 +140,17 @@ class RangingSettings:
     slow_waves: int = 4
     least_expected: float = 0.05
     component_sigmas: float = 4.0
+    min_common: int = 16
+    common_sigmas: float = 6.0
+    common_local_ps: float = 150.0
+    common_smoother: float = 1.5
+    common_share: float = 1.0
+    probes_ps: tuple[float, ...] = (67.0, 133.0, 267.0, 534.0)
+    near_probes: int = 1
+    probe_grid_ps: float = 10.0
+    near_sigmas: float = 2.7
+    far_sigmas: float = 4.0
+    explained_share: float = 0.5
     worst_misfit_sigmas: float = 6.0
     worst_residual: float = 0.02
     prior_sd: float = 1e4

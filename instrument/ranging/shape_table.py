@@ -143,6 +143,22 @@ class ShapeTable:
         by_delay = _pieces(self._by_delay, first, samples)
         return np.stack([by_delay, _pieces(self._by_amplitude, first, samples), np.ones_like(by_delay)])
 
+    @property
+    def phases(self) -> int:
+        """Get how many places of the 50 % point between two samples the table has."""
+        return self._phases
+
+    def places(self, first: IntArray) -> IntArray:
+        """Return where in its piece the pulse of an entry lies (R,), in parts of a sample."""
+        row, column = np.divmod(first, self._length)
+        return np.asarray((self._before - column) * self._phases + row % self._phases, dtype=np.int64)
+
+    def shifted(self, first: int, samples: int, later_ps: float) -> FloatArray:
+        """Return the signal (M,) of a piece whose pulse comes later by whole samples."""
+        row = first - first % self._length
+        index = np.arange(first, first + samples) - round(later_ps / self.step_ps)
+        return np.where(index < row, 0.0, self._signal[np.clip(index, row, row + self._length - 1)])
+
     def weights(self, first: IntArray, samples: int) -> FloatArray:
         """Return the inverse variances (R, M) of samples of a single sweep."""
         return _pieces(self._weight, first, samples)

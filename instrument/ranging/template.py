@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 from picoradar.instrument.calibration import Calibration, ShotNoise, Templates
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.ranging.half_maximum import Edges, ExternalReference
+from picoradar.instrument.ranging.noticing import notice
 from picoradar.instrument.ranging.pair import PulsePair
 from picoradar.instrument.ranging.pulses import CoarseTraces
-from picoradar.instrument.ranging.residual_noise import widened
 from picoradar.instrument.ranging.settings import RangingSettings
 from picoradar.instrument.ranging.shape_table import PulseFamily, ShapeTable
 from picoradar.instrument.ranging.template_fit import UNKNOWNS, PulseFit, fit_pulses
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 Shapes = tuple[Templates, ShotNoise]
 
 MIN_VARIANCE_MV2 = 1e-12  # of a baseline without noise: its weight must stay finite
@@ -65,8 +66,8 @@ def fit_pair(
     shapes: Shapes,
     sweeps: FloatArray,
     settings: RangingSettings,
-) -> tuple[PulsePair, PulseFit]:
-    """Fit reference and echo of whole traces, and return the pair and the echo's fit.
+) -> tuple[PulsePair, BoolArray, BoolArray]:
+    """Fit reference and echo of whole traces; return the pair, and where there is a second echo and a distorted pulse.
 
     Each pulse is fitted on its own piece of the trace, from where `half_maximum` found it. Both share one baseline,
     which the samples before the reference know too: the three findings of it are combined, which gives just what one
@@ -85,11 +86,11 @@ def fit_pair(
         height = np.nan_to_num(edge.height_mv, nan=settings.start_height_mv)
         fits.append(fit_pulses(pieces, table, guess, height, sweeps, settings))
         firsts.append(times_ps[first])
-    fits, usual = widened(fits, settings)
+    (first_one,), (second_one,) = notice([fits[0]], [fits[1]], settings)
     lost = np.isnan(start.time_ps) | np.isnan(stop.time_ps)
-    echo = unreliable(fits[1], lost)
-    pair = combine(fits[0], echo, firsts[0], firsts[1], coarse.baseline_mv, coarse.baseline_variance_mv2)
-    return _without(pair, lost, np.isnan(start.time_ps)), fits[1]
+    echo = unreliable(second_one.fit, lost)
+    pair = combine(first_one.fit, echo, firsts[0], firsts[1], coarse.baseline_mv, coarse.baseline_variance_mv2)
+    return _without(pair, lost, np.isnan(start.time_ps)), second_one.second, first_one.distorted | second_one.distorted
 
 
 def _exact(edge: Edges) -> PulseFit:

@@ -1,0 +1,118 @@
+"""What the pulses of many records have in common that the calibration does not have: another shape.
+
+Where the mean residual of many records stands out of the noise, the shape of the pulse has changed, or something that is
+in step with the trigger is added to it. A change that the reference shows, too, moves both pulses alike and cancels;
+only what the echo shows beyond it can move a range. By how much cannot be told from the residuals, because a fit takes
+up just that part of a change which moves the pulse. It is taken to be as large as the part that is left: a smooth random
+curve of the same size at the same place.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from picoradar.instrument.ranging.settings import RangingSettings
+from picoradar.instrument.ranging.template_fit import UNKNOWNS, PulseFit, Residuals
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+class CommonShape(NamedTuple):
+    """A change of shape: ``share`` (M,) of the amplitude, ``after_ps`` (M,) the 50 % point of the pulse."""
+
+    after_ps: FloatArray
+    share: FloatArray
+
+    def at(self, after_ps: FloatArray) -> FloatArray:
+        """Return it at other times, 0 beyond its ends."""
+        return np.interp(after_ps, self.after_ps, self.share, left=0.0, right=0.0)
+
+
+def usable_records(fit: PulseFit, left: Residuals, settings: RangingSettings) -> BoolArray:
+    """Return which records (R,) have a pulse of the shape that most have."""
+    square = np.einsum("rm,rm->r", left.deviations, left.deviations) / left.used.sum(axis=1)
+    usable = np.isfinite(square) & (fit.amplitude_mv > settings.min_response_mv)
+    if usable.any():
+        usable &= square <= settings.max_pooled_misfit * max(float(np.median(square[usable])), 1.0)
+    return np.asarray(usable, dtype=np.bool_)
+
+
+def common_shape(fit: PulseFit, settings: RangingSettings) -> CommonShape | None:
+    """Find the change of shape that the records of one group have in common, if there is one.
+
+    Parameters
+    ----------
+    fit : PulseFit
+        Of pieces of one form, that were cut in the same way.
+    settings : RangingSettings
+    """
+    left = fit.residuals
+    if left is None:
+        return None
+    usable = usable_records(fit, left, settings)
+    if usable.sum() < settings.min_common:
+        return None
+    deviations = left.deviations[usable]
+    mean = deviations.sum(axis=0) / np.maximum(left.used[usable].sum(axis=0), 1)
+    samples = len(mean)
+    spread = np.maximum(np.var(deviations, axis=0), 1.0)
+    freedom = samples - UNKNOWNS
+    if usable.sum() * np.sum(mean**2 / spread) < freedom + settings.common_sigmas * np.sqrt(2.0 * freedom):
+        return None
+    scale = np.sqrt(left.table.weights(left.entries.first[usable], samples) * left.sweeps[usable, None])
+    share = np.mean(deviations / scale / fit.amplitude_mv[usable, None], axis=0)
+    return CommonShape(np.arange(samples) * left.table.step_ps - float(np.median(fit.delay_ps[usable])), share)
+
+
+def without(fit: PulseFit, shape: CommonShape | None) -> PulseFit:
+    """Return a fit whose residuals do not show a change of shape."""
+    left = fit.residuals
+    if shape is None or left is None:
+        return fit
+    samples = left.deviations.shape[1]
+    after = np.arange(samples) * left.table.step_ps - float(np.median(fit.delay_ps))
+    weight = left.table.weights(left.entries.first, samples) * left.sweeps[:, None]
+    modelled = np.sqrt(weight) * fit.amplitude_mv[:, None] * _left_by_fit(left, shape.at(after))
+    return fit._replace(residuals=left._replace(deviations=np.where(left.used, left.deviations - modelled, 0.0)))
+
+
+def moved_sd_ps(fit: PulseFit, shape: CommonShape, settings: RangingSettings) -> float:
+    """Return by how much (standard deviation) a change of shape may move the pulses of a group."""
+    left = fit.residuals
+    if left is None:
+        return 0.0
+    samples = left.deviations.shape[1]
+    after = np.arange(samples) * left.table.step_ps - float(np.median(fit.delay_ps))
+    share = _left_by_fit(left, shape.at(after))
+    width = max(1, round(settings.common_local_ps / left.table.step_ps))
+    size = np.sqrt(uniform_filter1d(share**2, width, mode="nearest"))
+    rate = np.gradient(share, left.table.step_ps)
+    length_ps = settings.common_smoother * np.sqrt(np.sum(share**2) / max(np.sum(rate**2), 1e-300))
+    apart = np.subtract.outer(after, after) / max(length_ps, left.table.step_ps)
+    curves = size[:, None] * np.exp(-0.5 * apart**2) * size
+    design, weight = _usual(left)
+    gain = np.linalg.pinv((design * weight) @ design.T, hermitian=True) @ (design * weight)
+    rest = np.eye(samples) - design.T @ gain
+    seen = np.einsum("ij,jk,ik->", rest, curves, rest, optimize=True)  # of such curves, what fits leave
+    pulled = gain[0] * float(np.median(left.entries.amplitude_mv))
+    return float(np.sqrt(max(pulled @ curves @ pulled, 0.0) * np.sum(share**2) / max(seen, 1e-300)))
+
+
+def _usual(left: Residuals) -> tuple[FloatArray, FloatArray]:
+    samples = left.deviations.shape[1]
+    entries = left.table.locate(
+        np.array([np.median(left.entries.delay_ps)]), np.array([np.median(left.entries.amplitude_mv)]), samples
+    )
+    return left.table.design(entries.first, samples)[:, 0], left.table.weights(entries.first, samples)[0]
+
+
+def _left_by_fit(left: Residuals, curve: FloatArray) -> FloatArray:
+    """Return what a fit leaves of a curve (M,)."""
+    design, weight = _usual(left)
+    normal = np.linalg.pinv((design * weight) @ design.T, hermitian=True)
+    return np.asarray(curve - design.T @ (normal @ (design * weight @ curve)), dtype=np.float64)

@@ -1,0 +1,103 @@
+"""What the residuals of a group of fits say: more noise, another shape, a second pulse."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from picoradar.instrument.ranging.common_shape import CommonShape, common_shape, moved_sd_ps, without
+from picoradar.instrument.ranging.residual_noise import ResidualNoise
+from picoradar.instrument.ranging.second_pulse import evidence
+from picoradar.instrument.ranging.settings import RangingSettings
+from picoradar.instrument.ranging.template_fit import UNKNOWNS, PulseFit
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+class Noticed(NamedTuple):
+    """Fits of R records with the covariance that their residuals ask for; where there is a second pulse (R,); and where
+    the pulse has another shape (R,)."""
+
+    fit: PulseFit
+    second: BoolArray
+    distorted: BoolArray
+
+
+def notice(
+    references: Sequence[PulseFit], echoes: Sequence[PulseFit], settings: RangingSettings
+) -> tuple[list[Noticed], list[Noticed]]:
+    """Judge fits of references and echoes by what they leave.
+
+    Parameters
+    ----------
+    references, echoes : sequences of PulseFit
+        Groups of records that were taken one shortly after the other; those of a group have pieces of one form.
+    settings : RangingSettings
+
+    Returns
+    -------
+    two lists of Noticed
+        For references and echoes.
+    """
+    of_instrument = _common(references, settings)
+    plain = [without(fit, of_instrument) for fit in (*references, *echoes)]
+    shapes = [common_shape(fit, settings) for fit in plain]
+    bare = [without(fit, shape) for fit, shape in zip(plain, shapes, strict=True)]
+    noise = ResidualNoise(bare, settings)
+    judged = [
+        _judged(fit, (one, left), shape, noise, settings)
+        for fit, one, left, shape in zip((*references, *echoes), plain, bare, shapes, strict=True)
+    ]
+    return judged[: len(references)], judged[len(references) :]
+
+
+def _common(references: Sequence[PulseFit], settings: RangingSettings) -> CommonShape | None:
+    """Return the change of shape of the largest group of references: that of the instrument's pulse."""
+    fitted = [fit for fit in references if fit.residuals is not None]
+    return common_shape(max(fitted, key=lambda fit: len(fit.delay_ps)), settings) if fitted else None
+
+
+def _judged(
+    fit: PulseFit,
+    shown: tuple[PulseFit, PulseFit],
+    shape: CommonShape | None,
+    noise: ResidualNoise,
+    settings: RangingSettings,
+) -> Noticed:
+    """Judge a group: ``shown`` are its fits without the instrument's change of shape, and without its own, too."""
+    plain, bare = shown
+    if fit.residuals is None or plain.residuals is None or bare.residuals is None:
+        none = np.zeros(len(fit.delay_ps), dtype=np.bool_)
+        return Noticed(fit, none, none)
+    used = bare.residuals.used.sum(axis=1)
+    freedom = np.maximum(used - UNKNOWNS, 1)
+    usual = noise.usual_square(fit) * freedom
+    square = np.einsum("rm,rm->r", bare.residuals.deviations, bare.residuals.deviations)
+    misfit = (square / usual - 1.0) * np.sqrt(freedom / 2.0)
+    poor = misfit > settings.worst_misfit_sigmas
+    wider = noise.widen(fit)
+    stated_ps2 = wider.covariance[:, 0, 0]
+    covariance = wider.covariance * np.where(poor, square / usual, 1.0)[:, None, None]
+    distorted = poor & (fit.residual_mv > settings.worst_residual * fit.amplitude_mv)
+    if shape is not None:
+        moved_ps2 = moved_sd_ps(fit, shape, settings) ** 2
+        distorted |= moved_ps2 > settings.common_share**2 * stated_ps2
+        covariance = covariance.copy()
+        covariance[:, 0, 0] += moved_ps2
+    second = _second_pulse(plain, usual, noise, settings)
+    return Noticed(wider._replace(covariance=covariance, misfit_sigmas=misfit), second, distorted & ~second)
+
+
+def _second_pulse(plain: PulseFit, usual: FloatArray, noise: ResidualNoise, settings: RangingSettings) -> BoolArray:
+    """Return where a copy of the pulse stands out of the noise and explains most of what is unusual."""
+    left = plain.residuals
+    if left is None:
+        return np.zeros(len(plain.delay_ps), dtype=np.bool_)
+    near, far = evidence(left, noise.deviations_covariance(left), settings)
+    excess = np.einsum("rm,rm->r", left.deviations, left.deviations) - usual
+    explained = np.maximum(near, far) ** 2 > settings.explained_share * excess
+    return np.asarray(((near > settings.near_sigmas) | (far > settings.far_sigmas)) & explained, dtype=np.bool_)
