@@ -28,6 +28,11 @@ class CommonShape(NamedTuple):
     after_ps: FloatArray
     share: FloatArray
 
+    @property
+    def rms(self) -> float:
+        """Get the root mean square of the share."""
+        return float(np.sqrt(np.mean(self.share**2)))
+
     def at(self, after_ps: FloatArray) -> FloatArray:
         """Return it at other times, 0 beyond its ends."""
         return np.interp(after_ps, self.after_ps, self.share, left=0.0, right=0.0)
@@ -65,8 +70,13 @@ def common_shape(fit: PulseFit, settings: RangingSettings) -> CommonShape | None
     if usable.sum() * np.sum(mean**2 / spread) < freedom + settings.common_sigmas * np.sqrt(2.0 * freedom):
         return None
     scale = np.sqrt(left.table.weights(left.entries.first[usable], samples) * left.sweeps[usable, None])
-    share = np.mean(deviations / scale / fit.amplitude_mv[usable, None], axis=0)
-    return CommonShape(np.arange(samples) * left.table.step_ps - float(np.median(fit.delay_ps[usable])), share)
+    shares = deviations / scale / fit.amplitude_mv[usable, None]
+    after = np.arange(samples) * left.table.step_ps - fit.delay_ps[usable][:, None]
+    order = np.argsort(after, axis=None)
+    parts = np.array_split(order, samples)  # as many neighbouring values in each as there are records
+    return CommonShape(
+        np.array([after.flat[part].mean() for part in parts]), np.array([shares.flat[part].mean() for part in parts])
+    )
 
 
 def without(fit: PulseFit, shape: CommonShape | None) -> PulseFit:
@@ -75,7 +85,7 @@ def without(fit: PulseFit, shape: CommonShape | None) -> PulseFit:
     if shape is None or left is None:
         return fit
     samples = left.deviations.shape[1]
-    after = np.arange(samples) * left.table.step_ps - float(np.median(fit.delay_ps))
+    after = np.arange(samples) * left.table.step_ps - fit.delay_ps[:, None]
     weight = left.table.weights(left.entries.first, samples) * left.sweeps[:, None]
     modelled = np.sqrt(weight) * fit.amplitude_mv[:, None] * _left_by_fit(left, shape.at(after))
     return fit._replace(residuals=left._replace(deviations=np.where(left.used, left.deviations - modelled, 0.0)))
@@ -112,7 +122,7 @@ def _usual(left: Residuals) -> tuple[FloatArray, FloatArray]:
 
 
 def _left_by_fit(left: Residuals, curve: FloatArray) -> FloatArray:
-    """Return what a fit leaves of a curve (M,)."""
+    """Return what a fit leaves of curves (..., M)."""
     design, weight = _usual(left)
-    normal = np.linalg.pinv((design * weight) @ design.T, hermitian=True)
-    return np.asarray(curve - design.T @ (normal @ (design * weight @ curve)), dtype=np.float64)
+    gain = np.linalg.pinv((design * weight) @ design.T, hermitian=True) @ (design * weight)
+    return np.asarray(curve - (curve @ gain.T) @ design, dtype=np.float64)

@@ -52,6 +52,8 @@ def notice(
         _judged(fit, (one, left), shape, noise, settings)
         for fit, one, left, shape in zip((*references, *echoes), plain, bare, shapes, strict=True)
     ]
+    if of_instrument is not None and of_instrument.rms > settings.worst_residual:
+        judged = [one._replace(distorted=~one.second) for one in judged]
     return judged[: len(references)], judged[len(references) :]
 
 
@@ -83,6 +85,9 @@ def _judged(
     stated_ps2 = wider.covariance[:, 0, 0]
     covariance = wider.covariance * np.where(poor, square / usual, 1.0)[:, None, None]
     distorted = poor & (fit.residual_mv > settings.worst_residual * fit.amplitude_mv)
+    samples = bare.residuals.used.shape[1]
+    distorted |= samples - used > max(settings.max_outliers, settings.many_outliers * samples)
+    distorted |= noise.energy_share > settings.worst_energy_share
     if shape is not None:
         moved_ps2 = moved_sd_ps(fit, shape, settings) ** 2
         distorted |= moved_ps2 > settings.common_share**2 * stated_ps2

@@ -2,10 +2,10 @@
 
 A calibration knows the noise of the day on which it was made. Jitter that has grown, an amplifier that has become
 noisier, 1/f noise and mains hum leave their mark in the residuals, each in its own way: jitter where the pulse is
-steep, 1/f noise and hum in slow waves. Their sizes are the variance components that explain the squares of the residuals
-best (least squares of the observed quadratic forms on their expectations, none negative; Rao, J. Multivariate Analysis 1
-(1971) 257). Components that the residuals do not show beyond their own scatter are left out, so that on the day of the
-calibration the stated covariance stays what it is: the Cramer-Rao bound.
+steep, 1/f noise and hum in slow waves. Their sizes are the variance components that explain the squares of the
+residuals best (least squares of the observed quadratic forms on their expectations, none negative; Rao, J. Multivariate
+Analysis 1 (1971) 257). Components that the residuals do not show beyond their own scatter are left out, so that on the
+day of the calibration the stated covariance stays what it is: the Cramer-Rao bound.
 """
 
 from __future__ import annotations
@@ -68,6 +68,11 @@ class ResidualNoise:
             (fit, left, _effects_of(left, settings.slow_waves)) for fit in fits if (left := fit.residuals) is not None
         ]
         self._sizes = _sizes(groups, settings)
+
+    @property
+    def energy_share(self) -> float:
+        """Get by how much the energy of a shot scatters beyond the calibrated noise."""
+        return float(np.sqrt(self._sizes[ENERGY]))
 
     def widen(self, fit: PulseFit) -> PulseFit:
         """Return a fit with the covariance that this noise adds."""

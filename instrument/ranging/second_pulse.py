@@ -65,5 +65,3 @@ def _copies(table: ShapeTable, first: int, samples: int, probes_ps: tuple[float,
             length, whole = np.linalg.norm(left), np.linalg.norm(copy)
             copies[:, column] = left / length if length > LEAST_LEFT * max(whole, 1e-300) else 0.0
     return copies
-
-

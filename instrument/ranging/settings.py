@@ -74,15 +74,20 @@ class RangingSettings:
         Of the noise that residuals show (`residual_noise`): records with more than so many times the usual sum of
         squares do not count; polynomials that see slow noise; least expected square of a deviation; and standard
         deviations that a component must stand out by.
-    min_common, common_sigmas, common_local_ps, common_smoother, common_share :
-        int, float, float, float, float
-        Records whose common residual is looked at (`common_shape`), standard deviations by which it must stand out,
-        length (ps) over which its size is local, how much smoother the whole is than what a fit leaves, and share of the stated deviation from which it is `distorted`.
-    probes_ps, near_probes, probe_grid_ps, near_sigmas, far_sigmas, explained_share :
-        (floats), int, float, float, float, float
+    min_common, common_sigmas : int, float
+        Records whose common residual is looked at (`common_shape`), and standard deviations by which it must stand out.
+    common_local_ps, common_smoother, common_share : float, float, float
+        Length (ps) over which the size of a change of shape is local; how much smoother the whole is than what a fit
+        leaves of it; and share of the stated deviation from which on it is `distorted`.
+    probes_ps, near_probes, probe_grid_ps : (floats), int, float
         A second pulse (`second_pulse`) is looked for at these distances (ps); so many of them are too near to be told
-        apart; pulses are placed on a grid of so much; and it is believed from so many standard deviations on
-        if it explains so much of what is unusual. 2.7: 4 of 1000 single echoes are called mixed.
+        apart; pulses are placed on a grid of so much (ps).
+    near_sigmas, far_sigmas, explained_share : float, float, float
+        It is believed from so many standard deviations on, if it explains so much of what is unusual. 2.7: 4 of 1000
+        single echoes are called mixed.
+    many_outliers, worst_energy_share : float, float
+        A pulse with more than that share of its samples left out, or whose shots scatter by more in energy (the diode
+        misfires), is `distorted`.
     worst_misfit_sigmas, worst_residual : float
         An echo whose fit leaves residuals so many standard deviations above what noise gives, and greater than this
         share of its amplitude, has not the form of one surface.
@@ -139,18 +144,20 @@ class RangingSettings:
     max_pooled_misfit: float = 3.0
     slow_waves: int = 4
     least_expected: float = 0.05
-    component_sigmas: float = 4.0
+    component_sigmas: float = 3.0
     min_common: int = 16
     common_sigmas: float = 6.0
     common_local_ps: float = 150.0
     common_smoother: float = 1.5
-    common_share: float = 1.0
+    common_share: float = 0.6
     probes_ps: tuple[float, ...] = (67.0, 133.0, 267.0, 534.0)
     near_probes: int = 1
     probe_grid_ps: float = 10.0
     near_sigmas: float = 2.7
     far_sigmas: float = 4.0
     explained_share: float = 0.5
+    many_outliers: float = 0.05
+    worst_energy_share: float = 0.05
     worst_misfit_sigmas: float = 6.0
     worst_residual: float = 0.02
     prior_sd: float = 1e4

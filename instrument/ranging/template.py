@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from picoradar.instrument.calibration import Calibration, ShotNoise, Templates
 from picoradar.instrument.errors import BadInput
+from picoradar.instrument.ranging.combining import NO_KNOWLEDGE, baselines_apart_mv2, combine, unreliable
 from picoradar.instrument.ranging.half_maximum import Edges, ExternalReference
 from picoradar.instrument.ranging.noticing import notice
 from picoradar.instrument.ranging.pair import PulsePair
@@ -23,7 +24,6 @@ BoolArray = NDArray[np.bool_]
 Shapes = tuple[Templates, ShotNoise]
 
 MIN_VARIANCE_MV2 = 1e-12  # of a baseline without noise: its weight must stay finite
-NO_KNOWLEDGE = np.eye(3) * 1e12  # covariance (ps^2, mV^2) of what counts for nothing
 
 
 def shapes_of(calibration: Calibration) -> Shapes:
@@ -88,8 +88,9 @@ def fit_pair(
         firsts.append(times_ps[first])
     (first_one,), (second_one,) = notice([fits[0]], [fits[1]], settings)
     lost = np.isnan(start.time_ps) | np.isnan(stop.time_ps)
-    echo = unreliable(second_one.fit, lost)
-    pair = combine(first_one.fit, echo, firsts[0], firsts[1], coarse.baseline_mv, coarse.baseline_variance_mv2)
+    both = first_one.fit, unreliable(second_one.fit, lost)
+    before = coarse.baseline_mv, np.maximum(coarse.baseline_variance_mv2, MIN_VARIANCE_MV2)
+    pair = combine(*both, *firsts, before=before, apart_mv2=baselines_apart_mv2([both], settings))
     return _without(pair, lost, np.isnan(start.time_ps)), second_one.second, first_one.distorted | second_one.distorted
 
 
@@ -99,63 +100,6 @@ def _exact(edge: Edges) -> PulseFit:
     covariance = np.zeros((len(none), UNKNOWNS, UNKNOWNS))
     covariance[:, 2, 2] = NO_KNOWLEDGE[2, 2]
     return PulseFit(np.nan_to_num(edge.time_ps), unknown, none, covariance, none, none)
-
-
-def combine(
-    reference: PulseFit,
-    echo: PulseFit,
-    reference_first_ps: FloatArray,
-    echo_first_ps: FloatArray,
-    baseline_mv: FloatArray | None = None,
-    baseline_variance_mv2: FloatArray | None = None,
-) -> PulsePair:
-    """Join the fits of two pieces of a trace that share one baseline.
-
-    The baselines b1, b2 of the fits, and a third finding of it if there is one, are made equal by conditioning: with
-    weights ``w_i = 1 / var(b_i)`` the common one is their weighted mean b, of variance ``1 / sum w_i``, and each
-    pulse's delay and amplitude move by ``cov(x, b_i) w_i (b - b_i)``. For normal errors this is the joint fit.
-    """
-    found = [(reference.baseline_mv, reference.covariance[:, 2, 2]), (echo.baseline_mv, echo.covariance[:, 2, 2])]
-    if baseline_mv is not None and baseline_variance_mv2 is not None:
-        found.append((baseline_mv, np.maximum(baseline_variance_mv2, MIN_VARIANCE_MV2)))
-    total = np.sum([1.0 / variance for _, variance in found], axis=0)
-    common = np.sum([value / variance for value, variance in found], axis=0) / total
-
-    def conditioned(fit: PulseFit) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return delay and amplitude (R, 2), their covariance with the baseline known, and their share of it."""
-        share = fit.covariance[:, :2, 2] / fit.covariance[:, 2, 2][:, None]
-        moved = np.column_stack([fit.delay_ps, fit.amplitude_mv]) + share * (common - fit.baseline_mv)[:, None]
-        own = fit.covariance[:, :2, :2] - share[:, :, None] * fit.covariance[:, None, 2, :2]
-        return moved, own, share
-
-    (first, first_own, first_share), (second, second_own, second_share) = conditioned(reference), conditioned(echo)
-    delay_share = second_share[:, 0] - first_share[:, 0]
-    return PulsePair(
-        reference_ps=reference_first_ps + first[:, 0],
-        reference_mv=first[:, 1],
-        reference_variance_ps2=first_own[:, 0, 0] + first_share[:, 0] ** 2 / total,
-        echo_variance_ps2=second_own[:, 0, 0] + second_share[:, 0] ** 2 / total,
-        interval_ps=echo_first_ps - reference_first_ps + second[:, 0] - first[:, 0],
-        interval_variance_ps2=first_own[:, 0, 0] + second_own[:, 0, 0] + delay_share**2 / total,
-        response_mv=second[:, 1],
-        response_variance_mv2=second_own[:, 1, 1] + second_share[:, 1] ** 2 / total,
-        covariance_ps_mv=second_own[:, 0, 1] + delay_share * second_share[:, 1] / total,
-    )
-
-
-def bad_fit(fit: PulseFit, limits: RangingSettings) -> NDArray[np.bool_]:
-    """Return where a pulse does not have the shape of the calibration: more misfit than noise gives, and more than a
-    shape that has aged a little."""
-    return (fit.misfit_sigmas > limits.worst_misfit_sigmas) & (
-        fit.residual_mv > limits.worst_residual * fit.amplitude_mv
-    )
-
-
-def unreliable(fit: PulseFit, where: NDArray[np.bool_]) -> PulseFit:
-    """Return a fit whose baseline counts for nothing where there is no pulse, so that it does not move the other
-    one."""
-    covariance = np.where(where[:, None, None], NO_KNOWLEDGE, fit.covariance)
-    return fit._replace(baseline_mv=np.where(where, 0.0, fit.baseline_mv), covariance=covariance)
 
 
 def _cut(

@@ -14,11 +14,13 @@ from picoradar.drivers.traces import Window
 from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.line import Flag
+from picoradar.instrument.ranging.combining import baselines_apart_mv2, combine, unreliable
+from picoradar.instrument.ranging.noticing import Noticed, notice
 from picoradar.instrument.ranging.pair import PulsePair, mark, mark_misplaced, share_reference, to_ranges
 from picoradar.instrument.ranging.ranges import Ranges
 from picoradar.instrument.ranging.settings import RangingSettings
 from picoradar.instrument.ranging.shape_table import ShapeTable
-from picoradar.instrument.ranging.template import bad_fit, combine, shapes_of, tables, unreliable
+from picoradar.instrument.ranging.template import shapes_of, tables
 from picoradar.instrument.ranging.template_fit import PulseFit, fit_pulses
 from picoradar.instrument.ranging.windows.fit import PointWindows
 from picoradar.instrument.ranging.windows.traces import WindowTraces
@@ -63,7 +65,7 @@ def estimate_windows(
     """
     limits = settings or RangingSettings()
     seen_clipped = np.broadcast_to(np.asarray(clipped, dtype=np.bool_), (len(reference.values_mv),))
-    pair, flags = _pairs(reference, echo, seen_clipped, calibration, limits)
+    pair, flags = _pairs([(reference, echo)], seen_clipped, calibration, limits)
     return _ranges(pair, flags, calibration, limits, shared_reference=shared_reference)
 
 
@@ -94,19 +96,17 @@ def estimate_points(
     for number, point in enumerate(points):
         r, e = point.reference, point.echo
         forms[r.step_ps, r.samples, e.step_ps, e.samples].append(number)
-    order: list[int] = []
-    pairs: list[PulsePair] = []
-    flags: list[FlagArray] = []
-    for numbers in forms.values():
-        reference = _gather([(points[n].reference, traces_mv[n][0]) for n in numbers])
-        echo = _gather([(points[n].echo, traces_mv[n][1]) for n in numbers])
-        pair, found = _pairs(reference, echo, seen_clipped[numbers], calibration, limits)
-        order += numbers
-        pairs.append(pair)
-        flags.append(found)
+    order = [number for numbers in forms.values() for number in numbers]
+    windows = [
+        (
+            _gather([(points[n].reference, traces_mv[n][0]) for n in numbers]),
+            _gather([(points[n].echo, traces_mv[n][1]) for n in numbers]),
+        )
+        for numbers in forms.values()
+    ]
+    pair, found = _pairs(windows, seen_clipped[order], calibration, limits)
     back = np.argsort(order)
-    pair, found = PulsePair.joined(pairs).taken(back), np.concatenate(flags)[back]
-    return _ranges(pair, found, calibration, limits, shared_reference=shared_reference)
+    return _ranges(pair.taken(back), found[back], calibration, limits, shared_reference=shared_reference)
 
 
 def with_retaken(ranges: Ranges, points: NDArray[np.intp], again: Ranges) -> Ranges:
@@ -131,40 +131,58 @@ def _gather(windows: Sequence[tuple[Window, ArrayLike]]) -> WindowTraces:
 
 
 def _pairs(
-    reference: WindowTraces,
-    echo: WindowTraces,
+    windows: Sequence[tuple[WindowTraces, WindowTraces]],
     seen_clipped: BoolArray,
     calibration: Calibration,
     limits: RangingSettings,
 ) -> tuple[PulsePair, FlagArray]:
-    records = len(reference.values_mv)
-    if records != len(echo.values_mv):
-        raise BadInput(f"{records} reference windows and {len(echo.values_mv)} echo windows")
-    blocks = [slice(first, first + BLOCK) for first in range(0, max(records, 1), BLOCK)]
-    found = [_block(reference.part(b), echo.part(b), seen_clipped[b], calibration, limits) for b in blocks]
-    return PulsePair.joined([pair for pair, _ in found]), np.concatenate([flags for _, flags in found])
-
-
-def _block(
-    reference: WindowTraces,
-    echo: WindowTraces,
-    seen_clipped: BoolArray,
-    calibration: Calibration,
-    limits: RangingSettings,
-) -> tuple[PulsePair, FlagArray]:
+    """Range groups of records whose windows have the same form, one group after the other."""
+    groups = []
+    for reference, echo in windows:
+        records = len(reference.values_mv)
+        if records != len(echo.values_mv):
+            raise BadInput(f"{records} reference windows and {len(echo.values_mv)} echo windows")
+        blocks = [slice(first, first + BLOCK) for first in range(0, max(records, 1), BLOCK)]
+        groups += [(reference.part(block), echo.part(block)) for block in blocks]
     shapes = shapes_of(calibration)
-    first = _fit(reference, tables(shapes, reference.step_ps, limits)[0], limits)
-    second = _fit(echo, tables(shapes, echo.step_ps, limits)[1], limits)
-    flags = np.zeros(len(reference.values_mv), dtype=np.uint16)
-    mark(flags, Flag.NO_REFERENCE, first.missing | bad_fit(first.fit, limits))
+    firsts = [_fit(reference, tables(shapes, reference.step_ps, limits)[0], limits) for reference, _ in groups]
+    seconds = [_fit(echo, tables(shapes, echo.step_ps, limits)[1], limits) for _, echo in groups]
+    noticed = notice([found.fit for found in firsts], [found.fit for found in seconds], limits)
+    fits = [
+        (unreliable(one.fit, first.missing), unreliable(other.fit, second.missing))
+        for first, second, one, other in zip(firsts, seconds, *noticed, strict=True)
+    ]
+    apart = baselines_apart_mv2(fits, limits)
+    pairs = [
+        combine(*both, first.first_ps, second.first_ps, apart_mv2=apart)
+        for both, first, second in zip(fits, firsts, seconds, strict=True)
+    ]
+    flags = [
+        _flags(group, (first, second), judged, limits)
+        for group, first, second, *judged in zip(groups, firsts, seconds, *noticed, strict=True)
+    ]
+    together = np.concatenate(flags)
+    mark(together, Flag.CLIPPED, seen_clipped)
+    return PulsePair.joined(pairs), together
+
+
+def _flags(
+    windows: tuple[WindowTraces, WindowTraces],
+    found: tuple[_Found, _Found],
+    judged: Sequence[Noticed],
+    limits: RangingSettings,
+) -> FlagArray:
+    (first, second), (one, other) = found, judged
+    flags = np.zeros(len(first.missing), dtype=np.uint16)
+    ranged = ~second.missing & ~first.missing
+    mark(flags, Flag.NO_REFERENCE, first.missing)
     mark(flags, Flag.NO_ECHO, second.missing & ~first.missing)
-    mark(flags, Flag.MIXED, ~second.missing & ~first.missing & (bad_fit(second.fit, limits) | second.others))
+    mark(flags, Flag.MIXED, ranged & (other.second | second.others))
+    mark(flags, Flag.DISTORTED, ranged & (one.distorted | other.distorted) & ~other.second)
     lowest, highest = limits.clip_mv
-    for window in (reference, echo):
+    for window in windows:
         mark(flags, Flag.CLIPPED, (window.values_mv.min(axis=1) < lowest) | (window.values_mv.max(axis=1) > highest))
-    mark(flags, Flag.CLIPPED, seen_clipped)
-    fits = [unreliable(found.fit, found.missing) for found in (first, second)]
-    return combine(fits[0], fits[1], first.first_ps, second.first_ps), flags
+    return flags
 
 
 def _ranges(
