@@ -1,10 +1,10 @@
 """What the pulses of many records have in common that the calibration does not have: another shape.
 
-Where the mean residual of many records stands out of the noise, the shape of the pulse has changed, or something that is
-in step with the trigger is added to it. A change that the reference shows, too, moves both pulses alike and cancels;
+Where the mean residual of many records stands out of the noise, the shape of the pulse has changed, or something that
+is in step with the trigger is added to it. A change that the reference shows, too, moves both pulses alike and cancels;
 only what the echo shows beyond it can move a range. By how much cannot be told from the residuals, because a fit takes
-up just that part of a change which moves the pulse. It is taken to be as large as the part that is left: a smooth random
-curve of the same size at the same place.
+up just that part of a change which moves the pulse. It is taken to be as large as the part that is left would
+be, if the whole were a smooth random curve.
 """
 
 from __future__ import annotations
