@@ -47,8 +47,8 @@ def row(taken: list[Taken]) -> str:
     return (
         f"{device_s:7.2f} {np.sqrt(np.mean(error**2)):6.3f} {np.abs(error).max():6.2f} "
         f"{np.count_nonzero(np.abs(error) > BEYOND_MM):6d} {np.mean(error**2 / variance):6.2f} "
-        f"{min(chi2):5.2f}-{max(chi2):4.2f} {share(SUSPECT):6.2f} {share(Flag.MIXED):6.2f} {share(Flag.DISTORTED):6.2f} "
-        f"{share(Flag.MOTION):6.2f} {100 * np.mean(ranged[there]):7.2f}"
+        f"{min(chi2):5.2f}-{max(chi2):4.2f} {share(SUSPECT):6.2f} {share(Flag.MIXED):6.2f} "
+        f"{share(Flag.DISTORTED):6.2f} {share(Flag.MOTION):6.2f} {100 * np.mean(ranged[there]):7.2f}"
     )
 
 

@@ -55,7 +55,7 @@ class Taken:
 
 
 def scan(seed: int, target: str, mode: str, size: int = 40, *, windows_too: bool = True, **simulation: object) -> Taken:
-    """Take a scan of size x size points at 1 mm with the settings that picoradar comes with, but for the simulation's."""
+    """Take a scan of size x size points at 1 mm as picoradar comes, with changes of the simulation."""
     settings = Settings.model_validate(
         {
             "seed": seed,

@@ -195,7 +195,7 @@ class Acquisition:
         if self.plan.step_mm is None:
             return ranges
         before = self._before.ranges if self._before is not None and self._before.row == row - 1 else None
-        self._before = _Row(row, LineBefore.of(ranges.range_mm, ranges.variance_mm2, before))
+        self._before = _Row(row, LineBefore(ranges.range_mm, ranges.variance_mm2))
         return mark_footprint(ranges, self.plan.step_mm, before)
 
     def _motion_judged(self, row: int, ranges: Ranges, revisit: Ranges | None) -> Ranges:
@@ -220,24 +220,19 @@ class _Row:
     ranges: LineBefore
 
     def state_dict(self) -> JsonObject:
-        return {"row": self.row, **_line_state(self.ranges)}
+        return {
+            "row": self.row,
+            "range_mm": self.ranges.range_mm.tolist(),
+            "variance_mm2": self.ranges.variance_mm2.tolist(),
+        }
 
     @classmethod
     def from_state(cls, state: JsonObject) -> _Row:
-        return cls(state["row"], _line_from(state))
-
-
-def _line_state(line: LineBefore) -> JsonObject:
-    state: JsonObject = {"range_mm": line.range_mm.tolist(), "variance_mm2": line.variance_mm2.tolist()}
-    return state if line.before is None else {**state, "before": _line_state(line.before)}
-
-
-def _line_from(state: JsonObject) -> LineBefore:
-    range_mm = np.array(state["range_mm"], dtype=np.float64)
-    # Recordings of earlier versions have no variances: without them, the noise of that line is left out.
-    known = state.get("variance_mm2")
-    variance_mm2: NDArray[np.float64] = np.zeros_like(range_mm) if known is None else np.array(known, np.float64)
-    return LineBefore(range_mm, variance_mm2, _line_from(state["before"]) if "before" in state else None)
+        range_mm = np.array(state["range_mm"], dtype=np.float64)
+        # Recordings of earlier versions have no variances: without them, the noise of that line is left out.
+        known = state.get("variance_mm2")
+        variance_mm2: NDArray[np.float64] = np.zeros_like(range_mm) if known is None else np.array(known, np.float64)
+        return cls(state["row"], LineBefore(range_mm, variance_mm2))
 
 
 def refuse_enormous_lines(columns: int, samples: int) -> None:

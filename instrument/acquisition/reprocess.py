@@ -52,12 +52,10 @@ def reprocess(
         estimator = method or old.header.get("raster", {}).get("estimator", "half-maximum")
         header = _header(old.header, source, used, estimator)
         with Recording.create(target, header) as new:
-            row = -1
-            before: LineBefore | None = None
+            before: ScanLine | None = None
             for line in old.lines():
-                before = before if row == line.index - 1 else None
                 ranged = _range_line(old, line, before, estimator, used)
-                row, before = line.index, LineBefore.of(ranged.range_mm, ranged.range_variance_mm2, before)
+                before = ranged
                 new.append(ranged)
                 if on_line is not None:
                     on_line(ranged)
@@ -68,11 +66,13 @@ def reprocess(
 
 
 def _range_line(
-    recording: Recording, line: ScanLine, before: LineBefore | None, method: Method, calibration: Calibration
+    recording: Recording, line: ScanLine, before: ScanLine | None, method: Method, calibration: Calibration
 ) -> ScanLine:
     ranges = _ranges_of(recording, line, method, calibration)
     if (step_mm := recording.raster.get("step_mm")) is not None:  # else it is no raster
-        ranges = mark_footprint(ranges, step_mm, before)
+        known = before is not None and before.index == line.index - 1
+        last = LineBefore(before.range_mm, before.range_variance_mm2) if before is not None and known else None
+        ranges = mark_footprint(ranges, step_mm, last)
     # Whether the target moved is known from revisits of one point, which are not in the line.
     flags = ranges.flags | (line.flags & np.uint16(Flag.MOTION))
     return reprocessed(line, replace(ranges, flags=flags), calibration)

@@ -24,7 +24,7 @@ BoolArray = NDArray[np.bool_]
 
 SPOT_MM = 1.0  # diameter (1/e^2) of the spot on the target
 DEEPEST_MM = 3.0  # a smooth surface under the spot has less depth: 72 degrees of incidence
-SHARPEST_MM = 2.0  # change of slope x step: half of it is the error of a spot that lies half on either surface
+STEP_MM = 2.0  # between two surfaces: a spot that lies half on either is off by half of it
 PART_SHARE = 0.75  # of the neighbour's response: less shows that a part of the spot misses the surface
 PART_SLOPE = 0.5  # and from this slope on (mm/mm) that moves the range by as much as its noise
 SIGNIFICANT = 5.0
@@ -32,24 +32,18 @@ SIGNIFICANT = 5.0
 
 
 class LineBefore(NamedTuple):
-    """Ranges (N,) mm of the line before, their variances (N,) mm^2, and the same of the line before that."""
+    """Ranges (N,) mm of the line before, and their variances (N,) mm^2."""
 
     range_mm: FloatArray
     variance_mm2: FloatArray
-    before: LineBefore | None = None
-
-    @classmethod
-    def of(cls, range_mm: FloatArray, variance_mm2: FloatArray, before: LineBefore | None) -> LineBefore:
-        """Put a line behind the one before it; what was before that is forgotten."""
-        return cls(range_mm, variance_mm2, None if before is None else before._replace(before=None))
 
 
 def mark_footprint(ranges: Ranges, step_mm: float, before: LineBefore | None) -> Ranges:
     """Flag points as `Flag.MIXED` whose spot does not lie on one smooth surface.
 
     These are points where the range changes by more than 3 mm over the spot, and by more than its noise, from one
-    neighbour to the other or from the line before; points where the slope changes by more than 2 mm from one side to
-    the other, as beside an edge whose other surface the spot may just reach; and those at the rim of a sloped surface, where the response has
+    neighbour to the other or from the line before; points in a step of more than 2 mm between two surfaces, of which the
+    spot may see either; and those at the rim of a sloped surface, where the response has
     dropped from one point to the next because only a part of the spot is still on it: the middle of that part is not
     the middle of the spot.
 
@@ -80,13 +74,7 @@ def mark_footprint(ranges: Ranges, step_mm: float, before: LineBefore | None) ->
         if before is not None:
             change = np.abs(range_mm - before.range_mm)
             steep |= _deep(change, variance_mm2 + before.variance_mm2, DEEPEST_MM / SPOT_MM * step_mm)
-        steep |= _kink((left, range_mm, right), (left_mm2, variance_mm2, right_mm2))
-        if before is not None and before.before is not None:
-            lines, of_lines = (
-                (before.before.range_mm, before.range_mm),
-                (before.before.variance_mm2, before.variance_mm2),
-            )
-            steep |= _kink((*lines, range_mm), (*of_lines, variance_mm2))
+        steep |= _step(range_mm, variance_mm2)
         dropped = response < PART_SHARE * np.stack(_neighbours(response, reach))
         partial = (dropped & (sides > PART_SLOPE * step_mm * reach)).any(axis=0)
     mixed = np.isfinite(range_mm) & (steep | partial)
@@ -98,13 +86,12 @@ def _deep(difference_mm: FloatArray, variance_mm2: FloatArray, limit_mm: float) 
     return np.asarray((difference_mm > limit_mm) & (difference_mm > SIGNIFICANT * np.sqrt(variance_mm2)))
 
 
-def _kink(
-    range_mm: tuple[FloatArray, FloatArray, FloatArray], variance_mm2: tuple[FloatArray, FloatArray, FloatArray]
-) -> BoolArray:
-    """Return where three ranges in a row do not lie on a line."""
-    first, middle, last = range_mm
-    change = np.abs(first + last - 2.0 * middle)
-    return _deep(change, variance_mm2[0] + variance_mm2[2] + 4.0 * variance_mm2[1], SHARPEST_MM)
+def _step(range_mm: FloatArray, variance_mm2: FloatArray) -> BoolArray:
+    """Return where the surface goes up or down by more than it does on either side."""
+    (left, right), (farther_left, farther_right) = _neighbours(range_mm, 1), _neighbours(range_mm, 2)
+    (near_mm2, other_mm2), (far_mm2, other_far_mm2) = _neighbours(variance_mm2, 1), _neighbours(variance_mm2, 2)
+    step = np.abs((right - left) - (farther_right - right) - (left - farther_left))
+    return _deep(step, 4.0 * (near_mm2 + other_mm2) + far_mm2 + other_far_mm2, STEP_MM)
 
 
 def _neighbours(values: FloatArray, reach: int) -> tuple[FloatArray, FloatArray]:
