@@ -42,8 +42,8 @@ def mark_footprint(ranges: Ranges, step_mm: float, before: LineBefore | None) ->
     """Flag points as `Flag.MIXED` whose spot does not lie on one smooth surface.
 
     These are points where the range changes by more than 3 mm over the spot, and by more than its noise, from one
-    neighbour to the other or from the line before; points in a step of more than 2 mm between two surfaces, of which the
-    spot may see either; and those at the rim of a sloped surface, where the response has
+    neighbour to the other or from the line before; points in a step of more than 2 mm between two surfaces, of which
+    the spot may see either; and those at the rim of a sloped surface, where the response has
     dropped from one point to the next because only a part of the spot is still on it: the middle of that part is not
     the middle of the spot.
 

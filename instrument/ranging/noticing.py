@@ -20,11 +20,14 @@ BoolArray = NDArray[np.bool_]
 
 class Noticed(NamedTuple):
     """Fits of R records with the covariance that their residuals ask for; where there is a second pulse (R,); and where
-    the pulse has another shape (R,)."""
+    the pulse has another shape (R,).
+
+    ``poor`` (R,) are the fits of one pulse that leave more than noise does, whether or not all records do."""
 
     fit: PulseFit
     second: BoolArray
     distorted: BoolArray
+    poor: BoolArray
 
 
 def notice(
@@ -47,7 +50,10 @@ def notice(
     plain = [without(fit, of_instrument) for fit in (*references, *echoes)]
     shapes = [common_shape(fit, settings) for fit in plain]
     bare = [without(fit, shape) for fit, shape in zip(plain, shapes, strict=True)]
-    noise = ResidualNoise(bare, settings)
+    usual = [
+        left for left, shape in zip(bare, shapes, strict=True) if shape is None or shape.rms < settings.worst_residual
+    ]
+    noise = ResidualNoise(usual, settings)
     judged = [
         _judged(fit, (one, left), shape, noise, settings)
         for fit, one, left, shape in zip((*references, *echoes), plain, bare, shapes, strict=True)
@@ -74,7 +80,7 @@ def _judged(
     plain, bare = shown
     if fit.residuals is None or plain.residuals is None or bare.residuals is None:
         none = np.zeros(len(fit.delay_ps), dtype=np.bool_)
-        return Noticed(fit, none, none)
+        return Noticed(fit, none, none, none)
     used = bare.residuals.used.sum(axis=1)
     freedom = np.maximum(used - UNKNOWNS, 1)
     usual = noise.usual_square(fit) * freedom
@@ -94,7 +100,10 @@ def _judged(
         covariance = covariance.copy()
         covariance[:, 0, 0] += moved_ps2
     second = _second_pulse(plain, usual, noise, settings)
-    return Noticed(wider._replace(covariance=covariance, misfit_sigmas=misfit), second, distorted & ~second)
+    wider = wider._replace(covariance=covariance, misfit_sigmas=misfit)
+    shown_square = np.einsum("rm,rm->r", plain.residuals.deviations, plain.residuals.deviations)
+    unusual = (shown_square / usual - 1.0) * np.sqrt(freedom / 2.0) > settings.worst_misfit_sigmas
+    return Noticed(wider, second, distorted & ~second, poor | unusual)
 
 
 def _second_pulse(plain: PulseFit, usual: FloatArray, noise: ResidualNoise, settings: RangingSettings) -> BoolArray:

@@ -78,8 +78,22 @@ def share_reference(pair: PulsePair, use: BoolArray, settings: RangingSettings) 
     )
 
 
+@dataclass(frozen=True)
+class Last:
+    """The last of two echoes of R records: its pair with the same reference, and the covariance (R,) in ps^2 of both
+    intervals; NaN where there is one echo."""
+
+    pair: PulsePair
+    between_ps2: FloatArray
+
+
 def to_ranges(
-    pair: PulsePair, flags: FlagArray, method: Method, calibration: Calibration | None, limits: RangingSettings
+    pair: PulsePair,
+    flags: FlagArray,
+    method: Method,
+    calibration: Calibration | None,
+    limits: RangingSettings,
+    last: Last | None = None,
 ) -> Ranges:
     """Turn intervals into ranges: ``c / 2 x Ti + range_zero - walk(response)``, and flag low response, a walk that the
     calibration does not cover, and a reference that is not in its place.
@@ -88,23 +102,20 @@ def to_ranges(
     ``c / 2 x Ti - w' A`` with w' the slope of the walk.
     """
     mark_misplaced(flags, pair, calibration)
-    scale = RANGE_PER_INTERVAL_MM_PER_PS
     none = (flags & np.uint16(NO_RANGE)) != 0
     no_reference = (flags & np.uint16(Flag.NO_REFERENCE)) != 0
     response = np.where(none, np.nan, pair.response_mv)
-    variance = scale**2 * pair.interval_variance_ps2
-    distance = scale * pair.interval_ps
-    bias_sd = np.zeros_like(distance)
-    inside = np.zeros_like(none)
-    if calibration:
-        distance = distance + calibration.range_zero_mm
-        if walk := calibration.walk.get(method):
-            correction = walk.at(response)
-            inside = correction.inside
-            distance = distance - correction.error_mm
-            slope = correction.slope_mm_per_mv
-            variance = variance + slope * (slope * pair.response_variance_mv2 - 2 * scale * pair.covariance_ps_mv)
-            bias_sd = correction.sd_mm
+    distance, variance, bias_sd, inside = _corrected(pair, response, method, calibration)
+    of_last: dict[str, FloatArray] = {}
+    if last is not None:
+        last_response = np.where(none, np.nan, last.pair.response_mv)
+        last_mm, last_mm2, _, _ = _corrected(last.pair, last_response, method, calibration)
+        of_last = {
+            "last_range_mm": np.where(none, np.nan, last_mm),
+            "last_variance_mm2": np.where(none, np.nan, last_mm2),
+            "last_response_mv": last_response,
+            "covariance_mm2": np.where(none, np.nan, RANGE_PER_INTERVAL_MM_PER_PS**2 * last.between_ps2),
+        }
     with np.errstate(invalid="ignore"):
         mark(flags, Flag.LOW_RESPONSE, ~none & (response < limits.low_response_mv))
     mark(flags, Flag.WALK_EXTRAPOLATED, ~none & ~inside)
@@ -117,7 +128,26 @@ def to_ranges(
         reference_ps=np.where(no_reference, np.nan, pair.reference_ps),
         reference_mv=np.where(no_reference, np.nan, pair.reference_mv),
         echo_ps=np.where(none, np.nan, pair.reference_ps + pair.interval_ps),
+        **of_last,
     )
+
+
+def _corrected(
+    pair: PulsePair, response_mv: FloatArray, method: Method, calibration: Calibration | None
+) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+    """Return distance, its variance, the deviation of the walk correction, and where the calibration covers it."""
+    scale = RANGE_PER_INTERVAL_MM_PER_PS
+    variance = scale**2 * pair.interval_variance_ps2
+    distance = scale * pair.interval_ps
+    if not calibration:
+        return distance, variance, np.zeros_like(distance), np.zeros(len(distance), dtype=np.bool_)
+    distance = distance + calibration.range_zero_mm
+    if not (walk := calibration.walk.get(method)):
+        return distance, variance, np.zeros_like(distance), np.zeros(len(distance), dtype=np.bool_)
+    correction = walk.at(response_mv)
+    slope = correction.slope_mm_per_mv
+    variance = variance + slope * (slope * pair.response_variance_mv2 - 2 * scale * pair.covariance_ps_mv)
+    return distance - correction.error_mm, variance, correction.sd_mm, correction.inside
 
 
 def mark_misplaced(flags: FlagArray, pair: PulsePair, calibration: Calibration | None) -> None:

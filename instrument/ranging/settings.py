@@ -85,6 +85,12 @@ class RangingSettings:
     near_sigmas, far_sigmas, explained_share : float, float, float
         It is believed from so many standard deviations on, if it explains so much of what is unusual. 2.7: 4 of 1000
         single echoes are called mixed.
+    start_offsets_ps, start_apart_ps, two_pulse_steps, apart_sigmas : (floats), float, int, float
+        Places about the single pulse (ps) where two are looked for, least distance (ps) of the two, Gauss-Newton steps
+        of their fit, and standard deviations by which they must lie apart to be two ranges.
+    two_lead_ps, two_trail_ps, least_apart_ps : float, float, float
+        Piece about the single pulse in which two are fitted (ps), and least distance (ps) of two ranges: light that
+        enters tissue broadens an echo like two surfaces that are nearer.
     many_outliers, worst_energy_share : float, float
         A pulse with more than that share of its samples left out, or whose shots scatter by more in energy (the diode
         misfires), is `distorted`.
@@ -156,6 +162,13 @@ class RangingSettings:
     near_sigmas: float = 2.7
     far_sigmas: float = 4.0
     explained_share: float = 0.5
+    start_offsets_ps: tuple[float, ...] = (40.0, 80.0, 130.0, 200.0, 300.0, 420.0, 560.0, 700.0, 850.0)
+    start_apart_ps: float = 60.0
+    two_pulse_steps: int = 10
+    apart_sigmas: float = 4.0
+    two_lead_ps: float = 500.0
+    two_trail_ps: float = 1900.0
+    least_apart_ps: float = 80.0
     many_outliers: float = 0.05
     worst_energy_share: float = 0.05
     worst_misfit_sigmas: float = 6.0

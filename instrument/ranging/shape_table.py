@@ -66,6 +66,7 @@ class ShapeTable:
     def __init__(self, family: PulseFamily, noise: ShotNoise, step_ps: float, settings: RangingSettings) -> None:
         start_ps, spacing_ps, response_mv, shapes = family
         self.step_ps = step_ps
+        self._noise = noise
         self.usual_mv = float(response_mv[len(response_mv) // 2])
         lowest, highest = response_mv[0] / settings.table_margin, response_mv[-1] * settings.table_margin
         rungs = int(np.ceil(np.log(highest / lowest) / np.log(settings.rung)))
@@ -142,6 +143,31 @@ class ShapeTable:
         """Return the derivatives (3, R, M) of the samples of pieces by delay, amplitude and baseline."""
         by_delay = _pieces(self._by_delay, first, samples)
         return np.stack([by_delay, _pieces(self._by_amplitude, first, samples), np.ones_like(by_delay)])
+
+    def pulse(self, delay_ps: FloatArray, amplitude_mv: FloatArray, samples: int) -> tuple[FloatArray, FloatArray]:
+        """Return the samples (R, M) of pulses, and their derivatives (2, R, M) by delay and amplitude.
+
+        Unlike a piece of the table, it may begin before and end behind what the table covers: there it is zero before,
+        and behind keeps its last value.
+        """
+        rung = np.rint(self._height(amplitude_mv)).astype(np.int64)
+        steps = np.rint(delay_ps / self.step_ps * self._phases).astype(np.int64)
+        whole, phase = np.divmod(steps, self._phases)
+        row = (rung * self._phases + phase) * self._length
+        column = self._before - whole[:, None] + np.arange(samples)
+        index = row[:, None] + np.clip(column, 0, self._length - 1)
+        inside = (column >= 0) & (column < self._length)
+        by_amplitude = np.where(column >= 0, self._by_amplitude[index], 0.0)
+        by_delay = np.where(inside, self._by_delay[index], 0.0)
+        off_mv = amplitude_mv - self._ladder[rung]
+        off_ps = delay_ps - steps * (self.step_ps / self._phases)
+        signal = np.where(column >= 0, self._signal[index], 0.0) + off_mv[:, None] * by_amplitude
+        by_delay = by_delay * (amplitude_mv / self._ladder[rung])[:, None]
+        return signal + off_ps[:, None] * by_delay, np.stack([by_delay, by_amplitude])
+
+    def variance(self, signal_mv: FloatArray, by_delay: FloatArray) -> FloatArray:
+        """Return the variances (mV^2) of samples of a single sweep."""
+        return sample_variance(self._noise, signal_mv, by_delay)
 
     @property
     def phases(self) -> int:

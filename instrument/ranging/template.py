@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,9 @@ from picoradar.instrument.errors import BadInput
 from picoradar.instrument.ranging.combining import NO_KNOWLEDGE, baselines_apart_mv2, combine, unreliable
 from picoradar.instrument.ranging.half_maximum import Edges, ExternalReference
 from picoradar.instrument.ranging.noticing import notice
-from picoradar.instrument.ranging.pair import PulsePair
+from picoradar.instrument.ranging.pair import Last, PulsePair
 from picoradar.instrument.ranging.pulses import CoarseTraces
+from picoradar.instrument.ranging.resolving import resolve
 from picoradar.instrument.ranging.settings import RangingSettings
 from picoradar.instrument.ranging.shape_table import PulseFamily, ShapeTable
 from picoradar.instrument.ranging.template_fit import UNKNOWNS, PulseFit, fit_pulses
@@ -58,6 +60,16 @@ def _tables(
     return table((templates.reference_mv,), (templates.reference,)), table(templates.response_mv, templates.echoes)
 
 
+class PairFit(NamedTuple):
+    """Reference and echo of R records: the pair, where there is a second echo, where a pulse has another shape, and
+    the last echo where there is one that is told apart."""
+
+    pair: PulsePair
+    second: BoolArray
+    distorted: BoolArray
+    last: Last | None
+
+
 def fit_pair(
     traces_mv: FloatArray,
     times_ps: FloatArray,
@@ -65,13 +77,15 @@ def fit_pair(
     edges: tuple[Edges, Edges],
     shapes: Shapes,
     sweeps: FloatArray,
+    further: BoolArray,
     settings: RangingSettings,
-) -> tuple[PulsePair, BoolArray, BoolArray]:
-    """Fit reference and echo of whole traces; return the pair, and where there is a second echo and a distorted pulse.
+) -> PairFit:
+    """Fit reference and echo of whole traces.
 
     Each pulse is fitted on its own piece of the trace, from where `half_maximum` found it. Both share one baseline,
     which the samples before the reference know too: the three findings of it are combined, which gives just what one
-    fit of everything would (`combine`).
+    fit of everything would (`combine`). Where the fit asks for it, or a ``further`` pulse (R,) follows, two echoes are
+    fitted.
     """
     step_ps = float(times_ps[1] - times_ps[0])
     start, stop = edges
@@ -86,12 +100,28 @@ def fit_pair(
         height = np.nan_to_num(edge.height_mv, nan=settings.start_height_mv)
         fits.append(fit_pulses(pieces, table, guess, height, sweeps, settings))
         firsts.append(times_ps[first])
-    (first_one,), (second_one,) = notice([fits[0]], [fits[1]], settings)
+    (one,), (other,) = notice([fits[0]], [fits[1]], settings)
     lost = np.isnan(start.time_ps) | np.isnan(stop.time_ps)
-    both = first_one.fit, unreliable(second_one.fit, lost)
+    echoes = resolve(
+        other,
+        traces_mv,
+        firsts[1] - times_ps[0],
+        tables(shapes, step_ps, settings)[1],
+        ~lost & (other.second | other.poor | further),
+        settings,
+    )
+    both = one.fit, unreliable(echoes.first, lost)
     before = coarse.baseline_mv, np.maximum(coarse.baseline_variance_mv2, MIN_VARIANCE_MV2)
-    pair = combine(*both, *firsts, before=before, apart_mv2=baselines_apart_mv2([both], settings))
-    return _without(pair, lost, np.isnan(start.time_ps)), second_one.second, first_one.distorted | second_one.distorted
+    apart = baselines_apart_mv2([both], settings)
+    pair = combine(*both, *firsts, before=before, apart_mv2=apart)
+    last = None
+    if echoes.resolved.any():
+        last_pair = combine(one.fit, echoes.last, *firsts, before=before, apart_mv2=apart)
+        last = Last(last_pair, echoes.between_ps2 + pair.reference_variance_ps2)
+    second = other.second | echoes.resolved
+    return PairFit(
+        _without(pair, lost, np.isnan(start.time_ps)), second, (one.distorted | other.distorted) & ~second, last
+    )
 
 
 def _exact(edge: Edges) -> PulseFit:

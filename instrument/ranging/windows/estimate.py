@@ -16,8 +16,9 @@ from picoradar.instrument.errors import BadInput
 from picoradar.instrument.line import Flag
 from picoradar.instrument.ranging.combining import baselines_apart_mv2, combine, unreliable
 from picoradar.instrument.ranging.noticing import Noticed, notice
-from picoradar.instrument.ranging.pair import PulsePair, mark, mark_misplaced, share_reference, to_ranges
+from picoradar.instrument.ranging.pair import Last, PulsePair, mark, mark_misplaced, share_reference, to_ranges
 from picoradar.instrument.ranging.ranges import Ranges
+from picoradar.instrument.ranging.resolving import resolve
 from picoradar.instrument.ranging.settings import RangingSettings
 from picoradar.instrument.ranging.shape_table import ShapeTable
 from picoradar.instrument.ranging.template import shapes_of, tables
@@ -65,8 +66,8 @@ def estimate_windows(
     """
     limits = settings or RangingSettings()
     seen_clipped = np.broadcast_to(np.asarray(clipped, dtype=np.bool_), (len(reference.values_mv),))
-    pair, flags = _pairs([(reference, echo)], seen_clipped, calibration, limits)
-    return _ranges(pair, flags, calibration, limits, shared_reference=shared_reference)
+    fitted = _pairs([(reference, echo)], seen_clipped, calibration, limits)
+    return _ranges(fitted, calibration, limits, shared_reference=shared_reference)
 
 
 def estimate_points(
@@ -104,9 +105,8 @@ def estimate_points(
         )
         for numbers in forms.values()
     ]
-    pair, found = _pairs(windows, seen_clipped[order], calibration, limits)
-    back = np.argsort(order)
-    return _ranges(pair.taken(back), found[back], calibration, limits, shared_reference=shared_reference)
+    fitted = _pairs(windows, seen_clipped[order], calibration, limits)
+    return _ranges(fitted.taken(np.argsort(order)), calibration, limits, shared_reference=shared_reference)
 
 
 def with_retaken(ranges: Ranges, points: NDArray[np.intp], again: Ranges) -> Ranges:
@@ -135,7 +135,7 @@ def _pairs(
     seen_clipped: BoolArray,
     calibration: Calibration,
     limits: RangingSettings,
-) -> tuple[PulsePair, FlagArray]:
+) -> _Fitted:
     """Range groups of records whose windows have the same form, one group after the other."""
     groups = []
     for reference, echo in windows:
@@ -148,22 +148,50 @@ def _pairs(
     firsts = [_fit(reference, tables(shapes, reference.step_ps, limits)[0], limits) for reference, _ in groups]
     seconds = [_fit(echo, tables(shapes, echo.step_ps, limits)[1], limits) for _, echo in groups]
     noticed = notice([found.fit for found in firsts], [found.fit for found in seconds], limits)
+    echoes = [
+        resolve(
+            other,
+            second.values_mv,
+            second.place_ps,
+            tables(shapes, echo.step_ps, limits)[1],
+            ~second.missing & ~first.missing & (other.second | other.poor | second.others),
+            limits,
+        )
+        for (_, echo), first, second, other in zip(groups, firsts, seconds, noticed[1], strict=True)
+    ]
     fits = [
-        (unreliable(one.fit, first.missing), unreliable(other.fit, second.missing))
-        for first, second, one, other in zip(firsts, seconds, *noticed, strict=True)
+        (unreliable(one.fit, first.missing), unreliable(found.first, second.missing))
+        for first, second, one, found in zip(firsts, seconds, noticed[0], echoes, strict=True)
     ]
     apart = baselines_apart_mv2(fits, limits)
-    pairs = [
-        combine(*both, first.first_ps, second.first_ps, apart_mv2=apart)
-        for both, first, second in zip(fits, firsts, seconds, strict=True)
+    starts = [(first.first_ps, second.first_ps) for first, second in zip(firsts, seconds, strict=True)]
+    pairs = [combine(*both, *start, apart_mv2=apart) for both, start in zip(fits, starts, strict=True)]
+    lasts = [
+        combine(reference, found.last, *start, apart_mv2=apart)
+        for (reference, _), found, start in zip(fits, echoes, starts, strict=True)
     ]
     flags = [
-        _flags(group, (first, second), judged, limits)
-        for group, first, second, *judged in zip(groups, firsts, seconds, *noticed, strict=True)
+        _flags(group, (first, second), (one, other._replace(second=other.second | found.resolved)), limits)
+        for group, first, second, one, other, found in zip(groups, firsts, seconds, *noticed, echoes, strict=True)
     ]
     together = np.concatenate(flags)
     mark(together, Flag.CLIPPED, seen_clipped)
-    return PulsePair.joined(pairs), together
+    between = np.concatenate([found.between_ps2 for found in echoes])
+    return _Fitted(PulsePair.joined(pairs), PulsePair.joined(lasts), between, together)
+
+
+class _Fitted(NamedTuple):
+    """Records whose windows are fitted: pair of the first echo and of the last, covariance of their delays, flags."""
+
+    pair: PulsePair
+    last: PulsePair
+    between_ps2: FloatArray
+    flags: FlagArray
+
+    def taken(self, records: NDArray[np.intp]) -> _Fitted:
+        return _Fitted(
+            self.pair.taken(records), self.last.taken(records), self.between_ps2[records], self.flags[records]
+        )
 
 
 def _flags(
@@ -185,26 +213,25 @@ def _flags(
     return flags
 
 
-def _ranges(
-    pair: PulsePair,
-    flags: FlagArray,
-    calibration: Calibration,
-    limits: RangingSettings,
-    *,
-    shared_reference: bool,
-) -> Ranges:
+def _ranges(fitted: _Fitted, calibration: Calibration, limits: RangingSettings, *, shared_reference: bool) -> Ranges:
+    pair, last, between, flags = fitted
     mark_misplaced(flags, pair, calibration)
     if shared_reference:
-        pair = share_reference(pair, (flags & np.uint16(Flag.NO_REFERENCE)) == 0, limits)
-    return to_ranges(pair, flags, "template", calibration, limits)
+        use = (flags & np.uint16(Flag.NO_REFERENCE)) == 0
+        pair, last = (share_reference(one, use, limits) for one in (pair, last))
+    of_reference = np.maximum(pair.interval_variance_ps2 - pair.echo_variance_ps2, 0.0)
+    return to_ranges(pair, flags, "template", calibration, limits, Last(last, between + of_reference))
 
 
 class _Found(NamedTuple):
-    """The strongest pulse of each window: its fit, the instant that the fit's delay counts from, where there is no
-    pulse at all (``missing``), and where a long window holds another one (``others``)."""
+    """The strongest pulse of each window: its fit, the instant that the fit's delay counts from, by itself and after
+    the first sample of the window (``place_ps``), the usable windows, where there is no pulse at all (``missing``), and
+    where a long window holds another one (``others``)."""
 
     fit: PulseFit
     first_ps: FloatArray
+    place_ps: FloatArray
+    values_mv: FloatArray
     missing: BoolArray
     others: BoolArray
 
@@ -230,7 +257,8 @@ def _fit(window: WindowTraces, table: ShapeTable, limits: RangingSettings) -> _F
         | (delay > (whole.shape[1] - 1) * window.step_ps - limits.window_top_ps)
     )
     others = _others(whole, cut, samples, fit, window.step_ps, limits)
-    return _Found(fit, window.first_ps + cut * window.step_ps, missing, others)
+    place = np.asarray(cut * window.step_ps, dtype=np.float64)
+    return _Found(fit, window.first_ps + place, place, whole, missing, others)
 
 
 def _others(
