@@ -2,10 +2,10 @@
 
     python benchmarks/ranging_disturbed.py [--seed 301] [--scans 10] [--only NAME] [--size 40]
 
-Window scans of hip and prism with the whole simulated bench, calibrated without the disturbance. A row of the table is a
-disturbance and a target, over all scans: device time, rms and largest error of points without a doubtful flag, how many
-of them are off by more than 1 mm, squared error over stated variance, shares of points flagged (of those motion), and
-completeness: points with a range among the places where something returns an echo.
+Window scans of hip and prism with the whole simulated bench, calibrated without the disturbance. A row of the table is
+a disturbance and a target, over all scans: device time, rms and largest error of points without a doubtful flag, how
+many of them are off by more than 1 mm, squared error over stated variance, shares of points flagged (of those motion),
+and completeness: points with a range among the places where something returns an echo.
 """
 
 from __future__ import annotations

@@ -71,12 +71,13 @@ def common_shape(fit: PulseFit, settings: RangingSettings) -> CommonShape | None
         return None
     scale = np.sqrt(left.table.weights(left.entries.first[usable], samples) * left.sweeps[usable, None])
     shares = deviations / scale / fit.amplitude_mv[usable, None]
-    after = np.arange(samples) * left.table.step_ps - fit.delay_ps[usable][:, None]
-    order = np.argsort(after, axis=None)
-    parts = np.array_split(order, samples)  # as many neighbouring values in each as there are records
-    return CommonShape(
-        np.array([after.flat[part].mean() for part in parts]), np.array([shares.flat[part].mean() for part in parts])
-    )
+    step = left.table.step_ps
+    after = np.arange(samples) * step - fit.delay_ps[usable][:, None]
+    bins = np.rint((after - after.min()) / step).astype(np.int64).ravel()
+    count = np.bincount(bins)
+    some = count >= settings.min_common / 2
+    centre, share = (np.bincount(bins, values.ravel())[some] / count[some] for values in (after, shares))
+    return CommonShape(centre, share)
 
 
 def without(fit: PulseFit, shape: CommonShape | None) -> PulseFit:

@@ -22,7 +22,8 @@ class Noticed(NamedTuple):
     """Fits of R records with the covariance that their residuals ask for; where there is a second pulse (R,); and where
     the pulse has another shape (R,).
 
-    ``poor`` (R,) are the fits of one pulse that leave more than noise does, whether or not all records do."""
+    ``poor`` (R,) are the fits of one pulse that leave more than noise does, whether or not all records do, or in which
+    a second pulse stands out so far that it may be told apart."""
 
     fit: PulseFit
     second: BoolArray
@@ -99,19 +100,25 @@ def _judged(
         distorted |= moved_ps2 > settings.common_share**2 * stated_ps2
         covariance = covariance.copy()
         covariance[:, 0, 0] += moved_ps2
-    second = _second_pulse(plain, usual, noise, settings)
+    second, clear = _second_pulse(plain, usual, noise, settings)
     wider = wider._replace(covariance=covariance, misfit_sigmas=misfit)
     shown_square = np.einsum("rm,rm->r", plain.residuals.deviations, plain.residuals.deviations)
     unusual = (shown_square / usual - 1.0) * np.sqrt(freedom / 2.0) > settings.worst_misfit_sigmas
-    return Noticed(wider, second, distorted & ~second, poor | unusual)
+    return Noticed(wider, second, distorted & ~second, poor | unusual | clear)
 
 
-def _second_pulse(plain: PulseFit, usual: FloatArray, noise: ResidualNoise, settings: RangingSettings) -> BoolArray:
-    """Return where a copy of the pulse stands out of the noise and explains most of what is unusual."""
+def _second_pulse(
+    plain: PulseFit, usual: FloatArray, noise: ResidualNoise, settings: RangingSettings
+) -> tuple[BoolArray, BoolArray]:
+    """Return where a copy of the pulse stands out of the noise and explains most of what is unusual, and where it does
+    so clearly."""
     left = plain.residuals
     if left is None:
-        return np.zeros(len(plain.delay_ps), dtype=np.bool_)
+        none = np.zeros(len(plain.delay_ps), dtype=np.bool_)
+        return none, none
     near, far = evidence(left, noise.deviations_covariance(left), settings)
+    most = np.maximum(near, far)
     excess = np.einsum("rm,rm->r", left.deviations, left.deviations) - usual
-    explained = np.maximum(near, far) ** 2 > settings.explained_share * excess
-    return np.asarray(((near > settings.near_sigmas) | (far > settings.far_sigmas)) & explained, dtype=np.bool_)
+    explained = most**2 > settings.explained_share * excess
+    second = ((near > settings.near_sigmas) | (far > settings.far_sigmas)) & explained
+    return np.asarray(second, dtype=np.bool_), np.asarray(second & (most > settings.clear_sigmas), dtype=np.bool_)

@@ -73,7 +73,7 @@ def fit_two_pulses(
     sweeps : (K,) float array
     settings : RangingSettings
     """
-    values, weight = _start(pieces_mv, table, delay_ps, amplitude_mv, sweeps, settings)
+    values = _start(pieces_mv, table, delay_ps, amplitude_mv, sweeps, settings)
     best: TwoPulses | None = None
     move = np.full(UNKNOWNS, np.inf)
     move[[0, 2]] = settings.max_move_ps
@@ -133,29 +133,27 @@ def _start(
     amplitude_mv: FloatArray,
     sweeps: FloatArray,
     settings: RangingSettings,
-) -> tuple[FloatArray, FloatArray]:
-    """Return the values (K, 5) of the best pair of places, and the inverse variances (K, M) of the single pulse."""
+) -> FloatArray:
+    """Return the values (K, 5) of the best pair of places."""
     records, samples = pieces.shape
     single, of_single = table.pulse(delay_ps, amplitude_mv, samples)
     weight = sweeps[:, None] / table.variance(single, of_single[0])
-    offsets = sorted({0.0, *settings.start_offsets_ps, *(-x for x in settings.start_offsets_ps)})
-    shapes = {o: table.pulse(delay_ps + o, amplitude_mv, samples)[0] / amplitude_mv[:, None] for o in offsets}
-    ones = np.ones((records, samples))
-    best, least = np.zeros((records, UNKNOWNS)), np.full(records, np.inf)
-    for one, other in itertools.combinations(offsets, 2):
-        if other - one < settings.start_apart_ps:
-            continue
-        design = np.stack([shapes[one], shapes[other], ones], axis=1)  # (K, 3, M)
-        weighted = design * weight[:, None, :]
-        normal = weighted @ design.transpose(0, 2, 1) + np.eye(3) / settings.prior_sd**2
-        found = np.linalg.solve(normal, np.einsum("kum,km->ku", weighted, pieces)[:, :, None])[:, :, 0]
-        left = pieces - np.einsum("ku,kum->km", found, design)
-        square = np.where((found[:, :2] > 0).all(axis=1), np.einsum("km,km->k", left**2, weight), np.inf)
-        better = square < least
-        least = np.where(better, square, least)
-        values = np.column_stack([delay_ps + one, found[:, 0], delay_ps + other, found[:, 1], found[:, 2]])
-        best = np.where(better[:, None], values, best)
-    none = np.isinf(least)
+    offsets = np.array(sorted({0.0, *settings.start_offsets_ps, *(-x for x in settings.start_offsets_ps)}))
+    shapes = [table.pulse(delay_ps + o, amplitude_mv, samples)[0] / amplitude_mv[:, None] for o in offsets]
+    design = np.stack([*shapes, np.ones((records, samples))], axis=1)  # (K, O + 1, M)
+    weighted = design * weight[:, None, :]
+    normal = weighted @ design.transpose(0, 2, 1)
+    seen = np.einsum("kom,km->ko", weighted, pieces)
+    pairs = [(i, j, len(offsets)) for i, j in itertools.combinations(range(len(offsets)), 2)]
+    chosen = np.array([pair for pair in pairs if offsets[pair[1]] - offsets[pair[0]] >= settings.start_apart_ps])
+    of_pairs = normal[:, chosen[:, :, None], chosen[:, None, :]] + np.eye(3) / settings.prior_sd**2  # (K, P, 3, 3)
+    right = seen[:, chosen]
+    found = np.linalg.solve(of_pairs, right[..., None])[..., 0]
+    explained = np.where((found[..., :2] > 0).all(axis=2), np.einsum("kpu,kpu->kp", found, right), -np.inf)
+    best = np.argmax(explained, axis=1)
+    rows = np.arange(records)
+    at, of_best = offsets[chosen[best, :2]], found[rows, best]
+    values = np.column_stack([delay_ps + at[:, 0], of_best[:, 0], delay_ps + at[:, 1], of_best[:, 1], of_best[:, 2]])
     halves = np.column_stack([delay_ps, amplitude_mv / 2, delay_ps + settings.start_apart_ps, amplitude_mv / 2])
-    best[none] = np.column_stack([halves, np.zeros(records)])[none]
-    return best, weight
+    none = np.isinf(explained[rows, best])
+    return np.where(none[:, None], np.column_stack([halves, np.zeros(records)]), values)
