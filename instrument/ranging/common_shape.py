@@ -9,6 +9,7 @@ be, if the whole were a smooth random curve.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from picoradar.instrument.ranging.settings import RangingSettings
+from picoradar.instrument.ranging.shape_table import ShapeTable
 from picoradar.instrument.ranging.template_fit import UNKNOWNS, PulseFit, Residuals
 
 FloatArray = NDArray[np.float64]
@@ -35,7 +37,7 @@ class CommonShape(NamedTuple):
 
     def at(self, after_ps: FloatArray) -> FloatArray:
         """Return it at other times, 0 beyond its ends."""
-        return np.interp(after_ps, self.after_ps, self.share, left=0.0, right=0.0)
+        return np.asarray(np.interp(after_ps, self.after_ps, self.share, left=0.0, right=0.0), dtype=np.float64)
 
 
 def usable_records(fit: PulseFit, left: Residuals, settings: RangingSettings) -> BoolArray:
@@ -62,10 +64,11 @@ def common_shape(fit: PulseFit, settings: RangingSettings) -> CommonShape | None
     usable = usable_records(fit, left, settings)
     if usable.sum() < settings.min_common:
         return None
-    deviations = left.deviations[usable]
-    mean = deviations.sum(axis=0) / np.maximum(left.used[usable].sum(axis=0), 1)
+    every = bool(usable.all())
+    deviations = left.deviations if every else left.deviations[usable]
+    mean = deviations.mean(axis=0)
     samples = len(mean)
-    spread = np.maximum(np.var(deviations, axis=0), 1.0)
+    spread = np.maximum(np.einsum("rm,rm->m", deviations, deviations) / len(deviations) - mean**2, 1.0)
     freedom = samples - UNKNOWNS
     if usable.sum() * np.sum(mean**2 / spread) < freedom + settings.common_sigmas * np.sqrt(2.0 * freedom):
         return None
@@ -86,9 +89,10 @@ def without(fit: PulseFit, shape: CommonShape | None) -> PulseFit:
     if shape is None or left is None:
         return fit
     samples = left.deviations.shape[1]
-    after = np.arange(samples) * left.table.step_ps - fit.delay_ps[:, None]
+    after: FloatArray = np.arange(samples) * left.table.step_ps - fit.delay_ps[:, None]
     weight = left.table.weights(left.entries.first, samples) * left.sweeps[:, None]
-    modelled = np.sqrt(weight) * fit.amplitude_mv[:, None] * _left_by_fit(left, shape.at(after))
+    shares = shape.at(np.asarray(after, dtype=np.float64))
+    modelled = np.sqrt(weight) * fit.amplitude_mv[:, None] * _left_by_fit(left, shares)
     return fit._replace(residuals=left._replace(deviations=np.where(left.used, left.deviations - modelled, 0.0)))
 
 
@@ -98,7 +102,7 @@ def moved_sd_ps(fit: PulseFit, shape: CommonShape, settings: RangingSettings) ->
     if left is None:
         return 0.0
     samples = left.deviations.shape[1]
-    after = np.arange(samples) * left.table.step_ps - float(np.median(fit.delay_ps))
+    after = np.asarray(np.arange(samples) * left.table.step_ps - float(np.median(fit.delay_ps)), dtype=np.float64)
     share = _left_by_fit(left, shape.at(after))
     width = max(1, round(settings.common_local_ps / left.table.step_ps))
     size = np.sqrt(uniform_filter1d(share**2, width, mode="nearest"))
@@ -106,8 +110,7 @@ def moved_sd_ps(fit: PulseFit, shape: CommonShape, settings: RangingSettings) ->
     length_ps = settings.common_smoother * np.sqrt(np.sum(share**2) / max(np.sum(rate**2), 1e-300))
     apart = np.subtract.outer(after, after) / max(length_ps, left.table.step_ps)
     curves = size[:, None] * np.exp(-0.5 * apart**2) * size
-    design, weight = _usual(left)
-    gain = np.linalg.pinv((design * weight) @ design.T, hermitian=True) @ (design * weight)
+    design, gain = _usual(left)
     rest = np.eye(samples) - design.T @ gain
     seen = np.einsum("ij,jk,ik->", rest, curves, rest, optimize=True)  # of such curves, what fits leave
     pulled = gain[0] * float(np.median(left.entries.amplitude_mv))
@@ -115,15 +118,21 @@ def moved_sd_ps(fit: PulseFit, shape: CommonShape, settings: RangingSettings) ->
 
 
 def _usual(left: Residuals) -> tuple[FloatArray, FloatArray]:
+    """Return derivatives (3, M) of the usual record of a group, and what its fit takes up (3, M) of a change in mV."""
+    delay, amplitude = np.array([np.median(left.entries.delay_ps)]), np.array([np.median(left.entries.amplitude_mv)])
     samples = left.deviations.shape[1]
-    entries = left.table.locate(
-        np.array([np.median(left.entries.delay_ps)]), np.array([np.median(left.entries.amplitude_mv)]), samples
-    )
-    return left.table.design(entries.first, samples)[:, 0], left.table.weights(entries.first, samples)[0]
+    return usual_gain(left.table, int(left.table.locate(delay, amplitude, samples).first[0]), samples)
+
+
+@lru_cache(maxsize=1024)
+def usual_gain(table: ShapeTable, first: int, samples: int) -> tuple[FloatArray, FloatArray]:
+    """Return derivatives (3, M) of the piece at an entry, and what its fit takes up (3, M) of a change in mV."""
+    at = np.array([first])
+    design, weight = table.design(at, samples)[:, 0], table.weights(at, samples)[0]
+    return design, np.linalg.pinv((design * weight) @ design.T, hermitian=True) @ (design * weight)
 
 
 def _left_by_fit(left: Residuals, curve: FloatArray) -> FloatArray:
     """Return what a fit leaves of curves (..., M)."""
-    design, weight = _usual(left)
-    gain = np.linalg.pinv((design * weight) @ design.T, hermitian=True) @ (design * weight)
+    design, gain = _usual(left)
     return np.asarray(curve - (curve @ gain.T) @ design, dtype=np.float64)

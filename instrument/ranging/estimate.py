@@ -23,7 +23,7 @@ from picoradar.instrument.ranging.template import Shapes, fit_pair, shapes_of
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-BLOCK = 128  # records handled together: their traces stay in the cache
+BLOCK = 256  # records handled together: their traces stay in the cache
 
 
 def estimate(

@@ -87,10 +87,10 @@ def _deep(difference_mm: FloatArray, variance_mm2: FloatArray, limit_mm: float) 
 
 
 def _step(range_mm: FloatArray, variance_mm2: FloatArray) -> BoolArray:
-    """Return where the surface goes up or down by more than it does on either side."""
+    """Return where the surface goes up or down by more than it does on both sides together."""
     (left, right), (farther_left, farther_right) = _neighbours(range_mm, 1), _neighbours(range_mm, 2)
     (near_mm2, other_mm2), (far_mm2, other_far_mm2) = _neighbours(variance_mm2, 1), _neighbours(variance_mm2, 2)
-    step = np.abs((right - left) - (farther_right - right) - (left - farther_left))
+    step = np.abs(right - left) - np.abs(farther_right - right) - np.abs(left - farther_left)
     return _deep(step, 4.0 * (near_mm2 + other_mm2) + far_mm2 + other_far_mm2, STEP_MM)
 
 

@@ -49,7 +49,8 @@ def notice(
     """
     of_instrument = _common(references, settings)
     plain = [without(fit, of_instrument) for fit in (*references, *echoes)]
-    shapes = [common_shape(fit, settings) for fit in plain]
+    alone = of_instrument is None and len(references) == 1  # then nothing is left to be found in it
+    shapes = [None if alone and k == 0 else common_shape(fit, settings) for k, fit in enumerate(plain)]
     bare = [without(fit, shape) for fit, shape in zip(plain, shapes, strict=True)]
     usual = [
         left for left, shape in zip(bare, shapes, strict=True) if shape is None or shape.rms < settings.worst_residual
@@ -59,6 +60,8 @@ def notice(
         _judged(fit, (one, left), shape, noise, settings)
         for fit, one, left, shape in zip((*references, *echoes), plain, bare, shapes, strict=True)
     ]
+    for k in range(len(references), len(judged)):
+        judged[k] = _with_second_pulse(judged[k], plain[k], noise, settings)
     if of_instrument is not None and of_instrument.rms > settings.worst_residual:
         judged = [one._replace(distorted=~one.second) for one in judged]
     return judged[: len(references)], judged[len(references) :]
@@ -100,25 +103,24 @@ def _judged(
         distorted |= moved_ps2 > settings.common_share**2 * stated_ps2
         covariance = covariance.copy()
         covariance[:, 0, 0] += moved_ps2
-    second, clear = _second_pulse(plain, usual, noise, settings)
     wider = wider._replace(covariance=covariance, misfit_sigmas=misfit)
     shown_square = np.einsum("rm,rm->r", plain.residuals.deviations, plain.residuals.deviations)
     unusual = (shown_square / usual - 1.0) * np.sqrt(freedom / 2.0) > settings.worst_misfit_sigmas
-    return Noticed(wider, second, distorted & ~second, poor | unusual | clear)
+    none = np.zeros(len(fit.delay_ps), dtype=np.bool_)
+    return Noticed(wider, none, distorted, poor | unusual)
 
 
-def _second_pulse(
-    plain: PulseFit, usual: FloatArray, noise: ResidualNoise, settings: RangingSettings
-) -> tuple[BoolArray, BoolArray]:
-    """Return where a copy of the pulse stands out of the noise and explains most of what is unusual, and where it does
-    so clearly."""
+def _with_second_pulse(judged: Noticed, plain: PulseFit, noise: ResidualNoise, settings: RangingSettings) -> Noticed:
+    """Say where a copy of the pulse stands out of the noise and explains most of what is unusual."""
     left = plain.residuals
     if left is None:
-        none = np.zeros(len(plain.delay_ps), dtype=np.bool_)
-        return none, none
+        return judged
     near, far = evidence(left, noise.deviations_covariance(left), settings)
     most = np.maximum(near, far)
-    excess = np.einsum("rm,rm->r", left.deviations, left.deviations) - usual
-    explained = most**2 > settings.explained_share * excess
-    second = ((near > settings.near_sigmas) | (far > settings.far_sigmas)) & explained
-    return np.asarray(second, dtype=np.bool_), np.asarray(second & (most > settings.clear_sigmas), dtype=np.bool_)
+    freedom = np.maximum(left.used.sum(axis=1) - UNKNOWNS, 1)
+    excess = np.einsum("rm,rm->r", left.deviations, left.deviations) - noise.usual_square(plain) * freedom
+    second = ((near > settings.near_sigmas) | (far > settings.far_sigmas)) & (
+        most**2 > settings.explained_share * excess
+    )
+    clear = second & (most > settings.clear_sigmas)
+    return judged._replace(second=second, distorted=judged.distorted & ~second, poor=judged.poor | clear)

@@ -46,7 +46,7 @@ def _alone(deviations: FloatArray, settings: RangingSettings) -> BoolArray:
     longest = max(settings.longest_outlier_run, round(settings.longest_outlier_share * samples))
     many = far.sum(axis=1) > max(settings.max_outliers, settings.max_outlier_share * samples)
     if samples > longest:
-        many |= sliding_window_view(far, longest + 1, axis=1).all(axis=2).any(axis=1)
+        many |= np.all(sliding_window_view(far, longest + 1, axis=1), axis=2).any(axis=1)
     return np.asarray(far & ~many[:, None], dtype=np.bool_)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from picoradar.instrument.ranging.common_shape import usable_records
+from picoradar.instrument.ranging.common_shape import usable_records, usual_gain
 from picoradar.instrument.ranging.settings import RangingSettings
 from picoradar.instrument.ranging.shape_table import ShapeTable
 from picoradar.instrument.ranging.template_fit import UNKNOWNS, PulseFit, Residuals
@@ -139,9 +139,9 @@ def _units(table: ShapeTable, first: int, samples: int) -> FloatArray:
 @lru_cache(maxsize=256)
 def _effects(table: ShapeTable, first: int, amplitude_mv: float, samples: int, waves: int) -> _Effects:
     at = np.array([first])
-    design, weight = table.design(at, samples)[:, 0], table.weights(at, samples)[0]
+    design, gain = usual_gain(table, first, samples)
+    weight = table.weights(at, samples)[0]
     root = np.sqrt(weight)
-    gain = np.linalg.pinv((design * weight) @ design.T, hermitian=True) @ (design * weight)  # (3, M)
     rest = (np.eye(samples) - design.T @ gain) * root[:, None]  # deviations that a change in mV leaves
     place = np.linspace(-1.0, 1.0, samples)
     slow = np.linalg.qr(np.polynomial.legendre.legvander(place, waves))[0][:, 1:].T
@@ -177,8 +177,11 @@ def _sizes(groups: Sequence[tuple[PulseFit, Residuals, _Effects]], settings: Ran
 
 def _significant(rows: FloatArray, values: FloatArray, settings: RangingSettings) -> FloatArray:
     """Fit components, and take those away, the least sure first, that do not stand out of their own scatter."""
-    kept = np.ones(rows.shape[1], dtype=np.bool_)
     sizes = np.zeros(rows.shape[1])
+    alone = values @ rows / np.maximum(np.sqrt(np.einsum("qc,qc->c", rows, rows)), 1e-300)
+    if alone.max() < settings.component_sigmas:
+        return sizes  # as on the day of the calibration
+    kept = np.ones(rows.shape[1], dtype=np.bool_)
     while kept.any():
         found, _ = nnls(rows[:, kept], values)
         sd = np.sqrt(np.diag(np.linalg.pinv(rows[:, kept].T @ rows[:, kept])))

@@ -62,6 +62,6 @@ def _copies(table: ShapeTable, first: int, samples: int, probes_ps: tuple[float,
         for sign, column in ((1, 2 * k), (-1, 2 * k + 1)):
             copy = table.shifted(first, samples, sign * probe_ps) * root
             left = copy - design @ (design.T @ copy)
-            length, whole = np.linalg.norm(left), np.linalg.norm(copy)
+            length, whole = float(np.linalg.norm(left)), float(np.linalg.norm(copy))
             copies[:, column] = left / length if length > LEAST_LEFT * max(whole, 1e-300) else 0.0
     return copies

@@ -178,7 +178,7 @@ class RangingSettings:
     phase_ps: float = 1.0
     rung: float = 1.15
     table_margin: float = 2.0
-    table_reach_ps: float = 1200.0
+    table_reach_ps: float = 1500.0
     min_shared: int = 8
     shared_scatter_sigmas: float = 5.0
     window_smooth_ps: float = 60.0

@@ -90,6 +90,7 @@ class ShapeTable:
     def _fill(self, signal: FloatArray, by_delay: FloatArray, by_amplitude: FloatArray, noise: ShotNoise) -> None:
         self._signal, self._by_delay, self._by_amplitude = signal, by_delay, by_amplitude
         self._weight = 1.0 / sample_variance(noise, signal, by_delay)
+        self._root_weight = np.sqrt(self._weight)
         design = (by_delay, by_amplitude, np.ones_like(signal))
         self._weighted = [self._weight * d for d in design]
         self._normal_sums = _running([self._weighted[i] * design[j] for i, j in PAIRS])
@@ -147,8 +148,7 @@ class ShapeTable:
     def pulse(self, delay_ps: FloatArray, amplitude_mv: FloatArray, samples: int) -> tuple[FloatArray, FloatArray]:
         """Return the samples (R, M) of pulses, and their derivatives (2, R, M) by delay and amplitude.
 
-        Unlike a piece of the table, it may begin before and end behind what the table covers: there it is zero before,
-        and behind keeps its last value.
+        Unlike a piece of the table, it may begin before and end behind what the table covers: there it is zero.
         """
         rung = np.rint(self._height(amplitude_mv)).astype(np.int64)
         steps = np.rint(delay_ps / self.step_ps * self._phases).astype(np.int64)
@@ -157,11 +157,11 @@ class ShapeTable:
         column = self._before - whole[:, None] + np.arange(samples)
         index = row[:, None] + np.clip(column, 0, self._length - 1)
         inside = (column >= 0) & (column < self._length)
-        by_amplitude = np.where(column >= 0, self._by_amplitude[index], 0.0)
+        by_amplitude = np.where(inside, self._by_amplitude[index], 0.0)
         by_delay = np.where(inside, self._by_delay[index], 0.0)
         off_mv = amplitude_mv - self._ladder[rung]
         off_ps = delay_ps - steps * (self.step_ps / self._phases)
-        signal = np.where(column >= 0, self._signal[index], 0.0) + off_mv[:, None] * by_amplitude
+        signal = np.where(inside, self._signal[index], 0.0) + off_mv[:, None] * by_amplitude
         by_delay = by_delay * (amplitude_mv / self._ladder[rung])[:, None]
         return signal + off_ps[:, None] * by_delay, np.stack([by_delay, by_amplitude])
 
@@ -191,13 +191,13 @@ class ShapeTable:
 
     def residual(self, entries: Entries, change: FloatArray, pieces_mv: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what the model, moved by ``change`` (R, 3) in delay, amplitude and baseline, leaves of each piece (R,
-        M), and the inverse variances (R, M)."""
+        M), and the inverse standard deviations (R, M) of a sweep."""
         samples = pieces_mv.shape[1]
         left = pieces_mv - _pieces(self._signal, entries.first, samples)
         left -= change[:, :1] * _pieces(self._by_delay, entries.first, samples)
         left -= change[:, 1:2] * _pieces(self._by_amplitude, entries.first, samples)
         left -= change[:, 2:]
-        return left, _pieces(self._weight, entries.first, samples)
+        return left, _pieces(self._root_weight, entries.first, samples)
 
 
 def sample_variance(noise: ShotNoise, signal_mv: FloatArray, slope_mv_per_ps: FloatArray) -> FloatArray:

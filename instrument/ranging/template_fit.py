@@ -91,18 +91,19 @@ def fit_pulses(
         Sweeps averaged.
     settings : RangingSettings
     """
-    fit = _fit(pieces_mv, table, delay_ps, amplitude_mv, settings)
+    fit = _fit(pieces_mv, table, delay_ps, amplitude_mv, sweeps, settings)
     out = np.zeros(pieces_mv.shape, dtype=np.bool_)
     for _ in range(settings.outlier_rounds):
-        far = outlying(fit.deviations(sweeps), settings)
+        far = outlying(fit.deviations, settings)
         again = np.flatnonzero((far != out).any(axis=1))
         if not len(again):
             break
         out = far
-        repaired = np.where(far[again], pieces_mv[again] - fit.left_mv[again], pieces_mv[again])
-        better = _fit(repaired, table, fit.delay_ps[again], fit.amplitude_mv[again], settings)
+        raw = pieces_mv[again]
+        repaired = np.where(far[again], raw - fit.deviations[again] / fit.root_weight[again], raw)
+        better = _fit(repaired, table, fit.delay_ps[again], fit.amplitude_mv[again], sweeps[again], settings)
         # Samples left out keep their own residuals, by which they are judged again.
-        better.left_mv[:] += pieces_mv[again] - repaired
+        better.deviations[:] += (raw - repaired) * better.root_weight
         for old, new in zip(fit.arrays, better.arrays, strict=True):
             old[again] = new
     return _judged(fit, out, table, sweeps)
@@ -113,33 +114,30 @@ class _Fit(NamedTuple):
     amplitude_mv: FloatArray
     baseline_mv: FloatArray
     information: FloatArray  # of a single sweep
-    left_mv: FloatArray
-    weight: FloatArray
+    deviations: FloatArray
+    root_weight: FloatArray  # of the sweeps averaged: inverse standard deviations
     entries: Entries
 
     @property
     def arrays(self) -> tuple[FloatArray | NDArray[np.int64], ...]:
         return *self[:-1], *self.entries
 
-    def deviations(self, sweeps: FloatArray) -> FloatArray:
-        return self.left_mv * np.sqrt(self.weight * sweeps[:, None])
-
 
 def _judged(fit: _Fit, out: NDArray[np.bool_], table: ShapeTable, sweeps: FloatArray) -> PulseFit:
     """Return the fit without the information of the samples that were left out."""
     samples = out.shape[1]
-    information = fit.information
+    information, deviations, used = fit.information, fit.deviations, np.full(len(out), samples)
     some = np.flatnonzero(out.any(axis=1))
     if len(some):
         design = table.design(fit.entries.first[some], samples)  # (3, K, M)
-        weight = fit.weight[some] * out[some]
+        weight = fit.root_weight[some] ** 2 / sweeps[some, None] * out[some]
         information = information.copy()
         information[some] -= np.einsum("ikm,jkm,km->kij", design, design, weight)
-    left = np.where(out, 0.0, fit.left_mv)
-    deviations = left * np.sqrt(fit.weight * sweeps[:, None])
-    used = samples - out.sum(axis=1)
+        deviations = np.where(out, 0.0, deviations)
+        used = samples - out.sum(axis=1)
     freedom = np.maximum(used - UNKNOWNS, 1)
     misfit = np.einsum("rm,rm->r", deviations, deviations)
+    left = deviations / fit.root_weight
     return PulseFit(
         fit.delay_ps,
         fit.amplitude_mv,
@@ -156,6 +154,7 @@ def _fit(
     table: ShapeTable,
     delay_ps: FloatArray,
     amplitude_mv: FloatArray,
+    sweeps: FloatArray,
     settings: RangingSettings,
 ) -> _Fit:
     """Take Gauss-Newton steps, each on the records that have not settled yet.
@@ -185,6 +184,9 @@ def _fit(
     near = table.locate(delay, amplitude, samples)
     moved = (delay - near.delay_ps) * amplitude / near.amplitude_mv
     rest = np.column_stack([moved, amplitude - near.amplitude_mv, baseline])
-    left, weight = table.residual(near, rest, pieces)
+    left, root = table.residual(near, rest, pieces)
+    if (sweeps != 1.0).any():
+        root = root * np.sqrt(sweeps)[:, None]
+    left *= root
     information = table.information(delay, amplitude, samples) + prior
-    return _Fit(delay, amplitude, baseline, information, left, weight, near)
+    return _Fit(delay, amplitude, baseline, information, left, root, near)

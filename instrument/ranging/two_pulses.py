@@ -14,6 +14,7 @@ from picoradar.instrument.ranging.shape_table import ShapeTable
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
+LEAST_SHARE = 1e-12  # of the greatest information that each unknown has: rounding makes 1e-16 of it
 UNKNOWNS = 5  # delay and amplitude of the first, of the last, baseline
 
 
@@ -80,10 +81,10 @@ def fit_two_pulses(
     samples = pieces_mv.shape[1]
     for _ in range(settings.two_pulse_steps):
         left, design, weight = _model(pieces_mv, table, values, sweeps)
-        normal = np.einsum("ukm,vkm,km->kuv", design, design, weight) + np.eye(UNKNOWNS) / settings.prior_sd**2
+        normal = _solvable(np.einsum("ukm,vkm,km->kuv", design, design, weight), settings)
         square = np.einsum("km,km->k", left**2, weight)
         covariance = np.linalg.inv(normal)
-        now = TwoPulses(values, covariance, square)
+        now = TwoPulses(values, np.asarray(covariance, dtype=np.float64), square)
         best = now if best is None else _better(best, now)
         step = np.einsum("kuv,vkm,km->ku", covariance, design, weight * left)
         values = values + np.clip(step, -move, move)
@@ -92,6 +93,14 @@ def fit_two_pulses(
     if best is None:
         raise AssertionError("no step was taken")
     return _in_order(best)
+
+
+def _solvable(normal: FloatArray, settings: RangingSettings) -> FloatArray:
+    """Return normal matrices (..., U, U) that can be inverted, also where two pulses are the same."""
+    unknowns = normal.shape[-1]
+    diagonal = np.einsum("...uu->...u", normal)
+    ridge = LEAST_SHARE * diagonal.max(axis=-1, keepdims=True) + 1.0 / settings.prior_sd**2
+    return np.asarray(normal + ridge[..., None] * np.eye(unknowns), dtype=np.float64)
 
 
 def _better(one: TwoPulses, other: TwoPulses) -> TwoPulses:
@@ -146,7 +155,7 @@ def _start(
     seen = np.einsum("kom,km->ko", weighted, pieces)
     pairs = [(i, j, len(offsets)) for i, j in itertools.combinations(range(len(offsets)), 2)]
     chosen = np.array([pair for pair in pairs if offsets[pair[1]] - offsets[pair[0]] >= settings.start_apart_ps])
-    of_pairs = normal[:, chosen[:, :, None], chosen[:, None, :]] + np.eye(3) / settings.prior_sd**2  # (K, P, 3, 3)
+    of_pairs = _solvable(normal[:, chosen[:, :, None], chosen[:, None, :]], settings)  # (K, P, 3, 3)
     right = seen[:, chosen]
     found = np.linalg.solve(of_pairs, right[..., None])[..., 0]
     explained = np.where((found[..., :2] > 0).all(axis=2), np.einsum("kpu,kpu->kp", found, right), -np.inf)

@@ -166,32 +166,34 @@ def _pairs(
     apart = baselines_apart_mv2(fits, limits)
     starts = [(first.first_ps, second.first_ps) for first, second in zip(firsts, seconds, strict=True)]
     pairs = [combine(*both, *start, apart_mv2=apart) for both, start in zip(fits, starts, strict=True)]
-    lasts = [
-        combine(reference, found.last, *start, apart_mv2=apart)
-        for (reference, _), found, start in zip(fits, echoes, starts, strict=True)
-    ]
+    last = None
+    if any(found.resolved.any() for found in echoes):
+        of_last = [
+            combine(reference, found.last, *start, apart_mv2=apart)
+            for (reference, _), found, start in zip(fits, echoes, starts, strict=True)
+        ]
+        last = Last(PulsePair.joined(of_last), np.concatenate([found.between_ps2 for found in echoes]))
     flags = [
         _flags(group, (first, second), (one, other._replace(second=other.second | found.resolved)), limits)
         for group, first, second, one, other, found in zip(groups, firsts, seconds, *noticed, echoes, strict=True)
     ]
     together = np.concatenate(flags)
     mark(together, Flag.CLIPPED, seen_clipped)
-    between = np.concatenate([found.between_ps2 for found in echoes])
-    return _Fitted(PulsePair.joined(pairs), PulsePair.joined(lasts), between, together)
+    return _Fitted(PulsePair.joined(pairs), last, together)
 
 
 class _Fitted(NamedTuple):
-    """Records whose windows are fitted: pair of the first echo and of the last, covariance of their delays, flags."""
+    """Records whose windows are fitted: pair of the first echo, the last echoes if there are any, and flags."""
 
     pair: PulsePair
-    last: PulsePair
-    between_ps2: FloatArray
+    last: Last | None
     flags: FlagArray
 
     def taken(self, records: NDArray[np.intp]) -> _Fitted:
-        return _Fitted(
-            self.pair.taken(records), self.last.taken(records), self.between_ps2[records], self.flags[records]
-        )
+        last = self.last
+        if last is not None:
+            last = Last(last.pair.taken(records), last.between_ps2[records])
+        return _Fitted(self.pair.taken(records), last, self.flags[records])
 
 
 def _flags(
@@ -214,13 +216,16 @@ def _flags(
 
 
 def _ranges(fitted: _Fitted, calibration: Calibration, limits: RangingSettings, *, shared_reference: bool) -> Ranges:
-    pair, last, between, flags = fitted
+    pair, last, flags = fitted
     mark_misplaced(flags, pair, calibration)
+    use = (flags & np.uint16(Flag.NO_REFERENCE)) == 0
     if shared_reference:
-        use = (flags & np.uint16(Flag.NO_REFERENCE)) == 0
-        pair, last = (share_reference(one, use, limits) for one in (pair, last))
-    of_reference = np.maximum(pair.interval_variance_ps2 - pair.echo_variance_ps2, 0.0)
-    return to_ranges(pair, flags, "template", calibration, limits, Last(last, between + of_reference))
+        pair = share_reference(pair, use, limits)
+    if last is not None:
+        of_reference = np.maximum(pair.interval_variance_ps2 - pair.echo_variance_ps2, 0.0)
+        last_pair = share_reference(last.pair, use, limits) if shared_reference else last.pair
+        last = Last(last_pair, last.between_ps2 + of_reference)
+    return to_ranges(pair, flags, "template", calibration, limits, last)
 
 
 class _Found(NamedTuple):
