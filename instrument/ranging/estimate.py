@@ -18,7 +18,7 @@ from picoradar.instrument.ranging.pulses import coarse_traces, next_pulse
 from picoradar.instrument.ranging.ranges import Ranges
 from picoradar.instrument.ranging.self_calibration import self_calibrate
 from picoradar.instrument.ranging.settings import LearningSettings, RangingSettings
-from picoradar.instrument.ranging.template import Shapes, fit_pair, shapes_of
+from picoradar.instrument.ranging.template import FoundEdges, Shapes, fit_pair, shapes_of
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -194,7 +194,7 @@ def _block(records: _Records, way: _Way) -> Ranges:
     if method == "template" and shapes is None:  # no record has two clear pulses, so there is nothing to fit with
         mark(flags, Flag.NO_ECHO, (flags & np.uint16(Flag.NO_REFERENCE)) == 0)
     elif shapes is not None:
-        fitted = fit_pair(traces, times, coarse, (start, stop), shapes, sweeps, further.found, limits)
+        fitted = fit_pair(traces, times, coarse, FoundEdges(start, stop, further.found), shapes, sweeps, limits)
         pair, last = fitted.pair, fitted.last
         ranged = (flags & np.uint16(NO_RANGE)) == 0
         mark(flags, Flag.MIXED, ranged & fitted.second)

@@ -60,6 +60,14 @@ def _tables(
     return table((templates.reference_mv,), (templates.reference,)), table(templates.response_mv, templates.echoes)
 
 
+class FoundEdges(NamedTuple):
+    """Reference and echo of R records as `half_maximum` found them, and where a further pulse follows."""
+
+    start: Edges
+    stop: Edges
+    further: BoolArray
+
+
 class PairFit(NamedTuple):
     """Reference and echo of R records: the pair, where there is a second echo, where a pulse has another shape, and
     the last echo where there is one that is told apart."""
@@ -74,23 +82,22 @@ def fit_pair(
     traces_mv: FloatArray,
     times_ps: FloatArray,
     coarse: CoarseTraces,
-    edges: tuple[Edges, Edges],
+    found: FoundEdges,
     shapes: Shapes,
     sweeps: FloatArray,
-    further: BoolArray,
     settings: RangingSettings,
 ) -> PairFit:
     """Fit reference and echo of whole traces.
 
     Each pulse is fitted on its own piece of the trace, from where `half_maximum` found it. Both share one baseline,
     which the samples before the reference know too: the three findings of it are combined, which gives just what one
-    fit of everything would (`combine`). Where the fit asks for it, or a ``further`` pulse (R,) follows, two echoes are
+    fit of everything would (`combine`). Where the fit asks for it, or a further pulse follows, two echoes are
     fitted.
     """
     step_ps = float(times_ps[1] - times_ps[0])
-    start, stop = edges
+    start, stop, further = found
     fits, firsts = [], []
-    for table, edge in zip(tables(shapes, step_ps, settings), edges, strict=True):
+    for table, edge in zip(tables(shapes, step_ps, settings), (start, stop), strict=True):
         if isinstance(edge, ExternalReference):
             fits.append(_exact(edge))
             firsts.append(np.zeros_like(edge.time_ps))
