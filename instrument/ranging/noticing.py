@@ -91,7 +91,7 @@ def _judged(
     square = np.einsum("rm,rm->r", bare.residuals.deviations, bare.residuals.deviations)
     misfit = (square / usual - 1.0) * np.sqrt(freedom / 2.0)
     poor = misfit > settings.worst_misfit_sigmas
-    wider = noise.widen(fit)
+    wider = noise.refined(fit._replace(residuals=bare.residuals))
     stated_ps2 = wider.covariance[:, 0, 0]
     covariance = wider.covariance * np.where(poor, square / usual, 1.0)[:, None, None]
     distorted = poor & (fit.residual_mv > settings.worst_residual * fit.amplitude_mv)

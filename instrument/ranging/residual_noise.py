@@ -40,15 +40,12 @@ class _Effects(NamedTuple):
         The same for the calibrated noise.
     waves : (Q - M, M) array
         Of the slow waves among the forms.
-    added : (C, 3, 3) array
-        Covariance of delay, amplitude and baseline.
     amplitude_mv : float
     """
 
     seen: FloatArray
     calibrated: FloatArray
     waves: FloatArray
-    added: FloatArray
     amplitude_mv: float
 
 
@@ -74,14 +71,33 @@ class ResidualNoise:
         """Get by how much the energy of a shot scatters beyond the calibrated noise."""
         return float(np.sqrt(self._sizes[ENERGY]))
 
-    def widen(self, fit: PulseFit) -> PulseFit:
-        """Return a fit with the covariance that this noise adds."""
+    def refined(self, fit: PulseFit) -> PulseFit:
+        """Return a fit that knows this noise: generalised least squares, with its covariance.
+
+        Parameters
+        ----------
+        fit : PulseFit
+            With the residuals that this noise was found in, or more.
+        """
         left = fit.residuals
         if left is None or not self._sizes.any():
             return fit
-        effects = _effects_of(left, self._settings.slow_waves)
-        relative = np.maximum(fit.amplitude_mv / effects.amplitude_mv, self._settings.min_growth)
-        return fit._replace(covariance=fit.covariance + _added(self._sizes, effects, relative, left.sweeps))
+        samples = left.deviations.shape[1]
+        change, covariance = np.zeros((len(fit.delay_ps), UNKNOWNS)), fit.covariance.copy()
+        delay = np.median(left.entries.delay_ps)
+        kinds = np.stack([left.entries.amplitude_mv, left.sweeps], axis=1)
+        for amplitude, sweeps in np.unique(kinds, axis=0):
+            these = np.flatnonzero((kinds == (amplitude, sweeps)).all(axis=1))
+            entry = left.table.locate(np.array([delay]), np.array([amplitude]), samples)
+            known = _generalised(left.table, int(entry.first[0]), samples, float(sweeps), tuple(self._sizes.tolist()))
+            change[these] = left.deviations[these] @ known.gain.T
+            covariance[these] += known.more
+        return fit._replace(
+            delay_ps=fit.delay_ps + change[:, 0],
+            amplitude_mv=fit.amplitude_mv + change[:, 1],
+            baseline_mv=fit.baseline_mv + change[:, 2],
+            covariance=covariance,
+        )
 
     def usual_square(self, fit: PulseFit) -> FloatArray:
         """Return how many times the sum of squares that calibrated noise leaves is usual, for each record (R,)."""
@@ -100,15 +116,36 @@ class ResidualNoise:
     def deviations_covariance(self, left: Residuals) -> FloatArray:
         """Return the covariance (M, M) of the deviations of a usual record, whole noise and before the fit."""
         samples = left.deviations.shape[1]
-        covariance = np.eye(samples)
-        if self._sizes.any():
-            first, _ = _usual_entry(left)
-            root = np.sqrt(left.table.weights(np.array([first]), samples)[0])
-            sizes = self._sizes.copy()
-            sizes[SLOPE] *= np.median(left.sweeps)
-            units = _units(left.table, first, samples)
-            covariance += np.einsum("c,cij->ij", sizes, units) * root[:, None] * root
-        return covariance
+        if not self._sizes.any():
+            return np.eye(samples)
+        first, _ = _usual_entry(left)
+        return _covariance(left.table, first, samples, float(np.median(left.sweeps)), self._sizes)
+
+
+class _Generalised(NamedTuple):
+    """Generalised least squares at an entry: change (3, M) of the unknowns by deviations that the fit left, and by what
+    the covariance (3, 3) is more than with the calibrated noise."""
+
+    gain: FloatArray
+    more: FloatArray
+
+
+@lru_cache(maxsize=256)
+def _generalised(table: ShapeTable, first: int, samples: int, sweeps: float, sizes: tuple[float, ...]) -> _Generalised:
+    at = np.array([first])
+    design = table.design(at, samples)[:, 0] * np.sqrt(table.weights(at, samples)[0] * sweeps)  # (3, M)
+    known = np.linalg.solve(_covariance(table, first, samples, sweeps, np.array(sizes)), design.T)  # (M, 3)
+    covariance = np.linalg.pinv(design @ known, hermitian=True)
+    return _Generalised(covariance @ known.T, covariance - np.linalg.pinv(design @ design.T, hermitian=True))
+
+
+def _covariance(table: ShapeTable, first: int, samples: int, sweeps: float, sizes: FloatArray) -> FloatArray:
+    """Return the covariance (M, M) of deviations with components of these sizes."""
+    root = np.sqrt(table.weights(np.array([first]), samples)[0])
+    scaled = sizes.copy()
+    scaled[SLOPE] *= sweeps
+    extra = np.einsum("c,cij->ij", scaled, _units(table, first, samples)) * root[:, None] * root
+    return np.asarray(np.eye(samples) + extra, dtype=np.float64)
 
 
 def _effects_of(left: Residuals, waves: int) -> _Effects:
@@ -148,8 +185,7 @@ def _effects(table: ShapeTable, first: int, amplitude_mv: float, samples: int, w
     forms = np.vstack([rest, slow @ rest])
     units = _units(table, first, samples)
     seen = np.einsum("qi,cij,qj->qc", forms, units, forms, optimize=True)
-    added = np.stack([gain @ unit @ gain.T for unit in units])
-    return _Effects(seen, np.einsum("qi,qi,i->q", forms, forms, 1.0 / weight), slow, added, amplitude_mv)
+    return _Effects(seen, np.einsum("qi,qi,i->q", forms, forms, 1.0 / weight), slow, amplitude_mv)
 
 
 def _sizes(groups: Sequence[tuple[PulseFit, Residuals, _Effects]], settings: RangingSettings) -> FloatArray:
@@ -191,16 +227,3 @@ def _significant(rows: FloatArray, values: FloatArray, settings: RangingSettings
             break
         kept[np.flatnonzero(kept)[np.argmin(sure)]] = False
     return sizes
-
-
-def _added(sizes: FloatArray, effects: _Effects, relative: FloatArray, sweeps: FloatArray) -> FloatArray:
-    """Return the covariance (R, 3, 3) that components add to records of relative amplitude (R,)."""
-    ones = np.ones_like(relative)
-    additive = np.column_stack([1.0 / relative, ones, ones])
-    of_pulse = np.column_stack([ones, relative, relative])
-    each = sizes[:, None, None] * effects.added
-    noise = (each[WHITE] + each[FLICKER]) / sweeps[:, None, None] + each[SLOPE]
-    shots = (each[JITTER] + each[ENERGY]) / sweeps[:, None, None]
-    return np.asarray(
-        noise * additive[:, :, None] * additive[:, None, :] + shots * of_pulse[:, :, None] * of_pulse[:, None, :]
-    )

@@ -24,15 +24,15 @@ class Echoes(NamedTuple):
     ----------
     first, last : PulseFit
         ``last`` is NaN where there is one echo only.
-    between_ps2 : (R,) float array
-        Covariance of the two delays; NaN where there is one.
+    between : (R, 2, 2) float array
+        Covariance of delay and amplitude of the first with those of the last (ps, mV); NaN where there is one.
     resolved : (R,) bool array
         Records with two echoes that are told apart.
     """
 
     first: PulseFit
     last: PulseFit
-    between_ps2: FloatArray
+    between: FloatArray
     resolved: BoolArray
 
 
@@ -62,7 +62,8 @@ def resolve(
     records = len(fit.delay_ps)
     blank = np.full(records, np.nan)
     last = PulseFit(blank, blank, blank, np.full((records, 3, 3), np.nan), blank, blank)
-    alone = Echoes(fit, last, blank, np.zeros(records, dtype=np.bool_))
+    between = np.full((records, 2, 2), np.nan)
+    alone = Echoes(fit, last, between, np.zeros(records, dtype=np.bool_))
     these = np.flatnonzero(asked)
     if not len(these) or fit.residuals is None:
         return alone
@@ -80,8 +81,7 @@ def resolve(
     origin = (cut * step - place_ps[these])[apart]
     covariance = two.covariance[apart] * noise[apart, None, None]
     chosen = these[apart]
-    between = blank.copy()
-    between[chosen] = covariance[:, 0, 2]
+    between[chosen] = covariance[:, :2, 2:4]
     resolved = np.zeros(records, dtype=np.bool_)
     resolved[chosen] = True
     values = TwoPulses(two.values[apart], covariance, two.square[apart])

@@ -124,7 +124,7 @@ def fit_pair(
     last = None
     if echoes.resolved.any():
         last_pair = combine(one.fit, echoes.last, *firsts, before=before, apart_mv2=apart)
-        last = Last(last_pair, echoes.between_ps2 + pair.reference_variance_ps2)
+        last = Last(last_pair, echoes.between)
     second = other.second | echoes.resolved
     return PairFit(
         _without(pair, lost, np.isnan(start.time_ps)), second, (one.distorted | other.distorted) & ~second, last

@@ -171,7 +171,7 @@ def _pairs(
             combine(reference, found.last, *start, apart_mv2=apart)
             for (reference, _), found, start in zip(fits, echoes, starts, strict=True)
         ]
-        last = Last(PulsePair.joined(of_last), np.concatenate([found.between_ps2 for found in echoes]))
+        last = Last(PulsePair.joined(of_last), np.concatenate([found.between for found in echoes]))
     flags = [
         _flags(group, (first, second), (one, other._replace(second=other.second | found.resolved)), limits)
         for group, first, second, one, other, found in zip(groups, firsts, seconds, *noticed, echoes, strict=True)
@@ -191,7 +191,7 @@ class _Fitted(NamedTuple):
     def taken(self, records: NDArray[np.intp]) -> _Fitted:
         last = self.last
         if last is not None:
-            last = Last(last.pair.taken(records), last.between_ps2[records])
+            last = Last(last.pair.taken(records), last.between[records])
         return _Fitted(self.pair.taken(records), last, self.flags[records])
 
 
@@ -220,8 +220,5 @@ def _ranges(fitted: _Fitted, calibration: Calibration, limits: RangingSettings, 
     use = (flags & np.uint16(Flag.NO_REFERENCE)) == 0
     if shared_reference:
         pair = share_reference(pair, use, limits)
-    if last is not None:
-        of_reference = np.maximum(pair.interval_variance_ps2 - pair.echo_variance_ps2, 0.0)
-        last_pair = share_reference(last.pair, use, limits) if shared_reference else last.pair
-        last = Last(last_pair, last.between_ps2 + of_reference)
+        last = None if last is None else Last(share_reference(last.pair, use, limits), last.between)
     return to_ranges(pair, flags, "template", calibration, limits, last)

@@ -101,8 +101,13 @@ class WindowPlanner:
 
         These are points whose narrow window showed no echo, no reference or a poor fit, and those whose response has
         dropped against the line and against the line before: there the spot may lie on a rim, with most of its light
-        on another surface.
+        on another surface. Where the line has shown more noise than it was planned for, those that are not sure enough
+        are taken again, too.
         """
+        before, self._noise = self._noise, self._noise_of(ranges, (ranges.flags & np.uint16(RETRY)) == 0)
+        with np.errstate(invalid="ignore"):
+            unsure = np.sqrt(ranges.variance_mm2) > self.settings.unsure_share * self.settings.wanted_sd_mm
+        unsure &= self._noise > before
         narrow = np.array([not point.wide for point in points], dtype=np.bool_)
         poor = (ranges.flags & np.uint16(RETRY)) != 0
         response, near, share = ranges.response_mv, self.settings.neighbours, self.settings.dropped_share
@@ -110,7 +115,7 @@ class WindowPlanner:
         with np.errstate(invalid="ignore"):
             dropped = response < share * usual
             dropped &= ~(response > share * self._response_mv)  # the line before showed nothing else
-        return np.flatnonzero(narrow & (poor | dropped))
+        return np.flatnonzero((narrow & (poor | dropped)) | unsure)
 
     def learn(self, ranges: Ranges) -> None:
         """Take in a line that is done; the next one is planned from it.
@@ -126,7 +131,6 @@ class WindowPlanner:
         self._echo_ps = [np.where(good, ranges.echo_ps, np.nan), self._echo_ps[0]]
         one_surface = good & ((ranges.flags & np.uint16(Flag.MIXED)) == 0)
         self._response_mv = np.where(one_surface, ranges.response_mv, np.nan)
-        self._noise = self._noise_of(ranges, one_surface)
         if np.isfinite(ranges.reference_ps).any():
             self._reference = float(np.nanmedian(ranges.reference_ps)), self.settings.reference_margin_ps
 
