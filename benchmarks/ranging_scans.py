@@ -54,13 +54,13 @@ class Taken:
         )
 
 
-def scan(seed: int, target: str, mode: str, size: int = 40, *, windows_too: bool = True) -> Taken:
-    """Take a scan of size x size points at 1 mm with the settings that picoradar comes with."""
+def scan(seed: int, target: str, mode: str, size: int = 40, *, windows_too: bool = True, **simulation: object) -> Taken:
+    """Take a scan of size x size points at 1 mm as picoradar comes, with changes of the simulation."""
     settings = Settings.model_validate(
         {
             "seed": seed,
             "scan": {"mode": mode, "rows": size, "columns": size},
-            "simulation": {"target": target},
+            "simulation": {"target": target, **simulation},
         }
     )
     structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.ERROR))

@@ -26,6 +26,7 @@ class Flag(enum.IntFlag):
     RETAKEN = 64  # the point was measured again
     MOTION = 128  # target or mirrors have moved since the first lines
     NO_REFERENCE = 256  # the reference pulse is missing: no range at all
+    DISTORTED = 512  # a pulse does not have the shape of the calibration: the stated variance is wider for it
 
     @property
     def words(self) -> str:
@@ -34,7 +35,15 @@ class Flag(enum.IntFlag):
 
 
 NO_RANGE = Flag.NO_ECHO | Flag.NO_REFERENCE
-SUSPECT = Flag.LOW_RESPONSE | Flag.CLIPPED | Flag.OVERLAPPED | Flag.MIXED | Flag.WALK_EXTRAPOLATED | Flag.MOTION
+SUSPECT = (
+    Flag.LOW_RESPONSE
+    | Flag.CLIPPED
+    | Flag.OVERLAPPED
+    | Flag.MIXED
+    | Flag.WALK_EXTRAPOLATED
+    | Flag.MOTION
+    | Flag.DISTORTED
+)
 
 
 @dataclass(frozen=True)

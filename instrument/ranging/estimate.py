@@ -13,17 +13,17 @@ from picoradar.instrument.errors import BadInput
 from picoradar.instrument.line import NO_RANGE, Flag
 from picoradar.instrument.ranging.half_maximum import external_reference, half_maximum, join
 from picoradar.instrument.ranging.judging import flag_pulses
-from picoradar.instrument.ranging.pair import mark, to_ranges
+from picoradar.instrument.ranging.pair import Last, mark, to_ranges
 from picoradar.instrument.ranging.pulses import coarse_traces, next_pulse
 from picoradar.instrument.ranging.ranges import Ranges
 from picoradar.instrument.ranging.self_calibration import self_calibrate
 from picoradar.instrument.ranging.settings import LearningSettings, RangingSettings
-from picoradar.instrument.ranging.template import Shapes, bad_fit, fit_pair, shapes_of
+from picoradar.instrument.ranging.template import FoundEdges, Shapes, fit_pair, shapes_of
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-BLOCK = 128  # records handled together: their traces stay in the cache
+BLOCK = 256  # records handled together: their traces stay in the cache
 
 
 def estimate(
@@ -190,12 +190,16 @@ def _block(records: _Records, way: _Way) -> Ranges:
     ends = (traces.min(axis=1) < lowest) | (traces.max(axis=1) > highest)
     mark(flags, Flag.CLIPPED, usable & (seen_clipped | ends))
     pair = join(start, stop, coarse)
+    last: Last | None = None
     if method == "template" and shapes is None:  # no record has two clear pulses, so there is nothing to fit with
         mark(flags, Flag.NO_ECHO, (flags & np.uint16(Flag.NO_REFERENCE)) == 0)
     elif shapes is not None:
-        pair, fit = fit_pair(traces, times, coarse, (start, stop), shapes, sweeps, limits)
-        mark(flags, Flag.MIXED, ((flags & np.uint16(NO_RANGE)) == 0) & bad_fit(fit, limits))
-    return to_ranges(pair, flags, method, calibration, limits)
+        fitted = fit_pair(traces, times, coarse, FoundEdges(start, stop, further.found), shapes, sweeps, limits)
+        pair, last = fitted.pair, fitted.last
+        ranged = (flags & np.uint16(NO_RANGE)) == 0
+        mark(flags, Flag.MIXED, ranged & fitted.second)
+        mark(flags, Flag.DISTORTED, ranged & fitted.distorted)
+    return to_ranges(pair, flags, method, calibration, limits, last)
 
 
 def _check_times(times_ps: ArrayLike, limits: RangingSettings) -> FloatArray:

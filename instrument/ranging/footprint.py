@@ -24,6 +24,7 @@ BoolArray = NDArray[np.bool_]
 
 SPOT_MM = 1.0  # diameter (1/e^2) of the spot on the target
 DEEPEST_MM = 3.0  # a smooth surface under the spot has less depth: 72 degrees of incidence
+STEP_MM = 2.0  # between two surfaces: a spot that lies half on either is off by half of it
 PART_SHARE = 0.75  # of the neighbour's response: less shows that a part of the spot misses the surface
 PART_SLOPE = 0.5  # and from this slope on (mm/mm) that moves the range by as much as its noise
 SIGNIFICANT = 5.0
@@ -41,7 +42,8 @@ def mark_footprint(ranges: Ranges, step_mm: float, before: LineBefore | None) ->
     """Flag points as `Flag.MIXED` whose spot does not lie on one smooth surface.
 
     These are points where the range changes by more than 3 mm over the spot, and by more than its noise, from one
-    neighbour to the other or from the line before; and those at the rim of a sloped surface, where the response has
+    neighbour to the other or from the line before; points in a step of more than 2 mm between two surfaces, of which
+    the spot may see either; and those at the rim of a sloped surface, where the response has
     dropped from one point to the next because only a part of the spot is still on it: the middle of that part is not
     the middle of the spot.
 
@@ -72,6 +74,7 @@ def mark_footprint(ranges: Ranges, step_mm: float, before: LineBefore | None) ->
         if before is not None:
             change = np.abs(range_mm - before.range_mm)
             steep |= _deep(change, variance_mm2 + before.variance_mm2, DEEPEST_MM / SPOT_MM * step_mm)
+        steep |= _step(range_mm, variance_mm2)
         dropped = response < PART_SHARE * np.stack(_neighbours(response, reach))
         partial = (dropped & (sides > PART_SLOPE * step_mm * reach)).any(axis=0)
     mixed = np.isfinite(range_mm) & (steep | partial)
@@ -81,6 +84,14 @@ def mark_footprint(ranges: Ranges, step_mm: float, before: LineBefore | None) ->
 def _deep(difference_mm: FloatArray, variance_mm2: FloatArray, limit_mm: float) -> BoolArray:
     """Return where a difference of ranges (mm) is beyond the limit, and beyond what its variance explains."""
     return np.asarray((difference_mm > limit_mm) & (difference_mm > SIGNIFICANT * np.sqrt(variance_mm2)))
+
+
+def _step(range_mm: FloatArray, variance_mm2: FloatArray) -> BoolArray:
+    """Return where the surface goes up or down by more than it does on both sides together."""
+    (left, right), (farther_left, farther_right) = _neighbours(range_mm, 1), _neighbours(range_mm, 2)
+    (near_mm2, other_mm2), (far_mm2, other_far_mm2) = _neighbours(variance_mm2, 1), _neighbours(variance_mm2, 2)
+    step = np.abs(right - left) - np.abs(farther_right - right) - np.abs(left - farther_left)
+    return _deep(step, 4.0 * (near_mm2 + other_mm2) + far_mm2 + other_far_mm2, STEP_MM)
 
 
 def _neighbours(values: FloatArray, reach: int) -> tuple[FloatArray, FloatArray]:

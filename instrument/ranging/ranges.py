@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Self
 
 import numpy as np
@@ -21,11 +21,15 @@ class PerRecord:
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
         """Put several groups of records one after the other."""
-        return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
+        return cls(*(np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(cls)))
 
     def taken(self, records: NDArray[np.integer]) -> Self:
         """Return some of the records, in the order asked for."""
-        return replace(self, **{field.name: getattr(self, field.name)[records] for field in fields(self)})
+        return replace(self, **{one.name: getattr(self, one.name)[records] for one in fields(self)})
+
+
+def _empty() -> NDArray[np.float64]:
+    return np.empty(0)
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,10 @@ class Ranges(PerRecord):
         Amplitude of the reference; NaN without it.
     echo_ps : float array
         Time-significant point of the echo on the trace; NaN like the range.
+    last_range_mm, last_variance_mm2, last_response_mv : float arrays
+        Of the last echo where a record has two that are told apart, of which the range is the first; else NaN.
+    covariance_mm2 : float array
+        Covariance of the first and the last range; NaN where there is one.
     """
 
     range_mm: NDArray[np.float64]
@@ -61,3 +69,13 @@ class Ranges(PerRecord):
     reference_ps: NDArray[np.float64]
     reference_mv: NDArray[np.float64]
     echo_ps: NDArray[np.float64]
+    last_range_mm: NDArray[np.float64] = field(default_factory=_empty)
+    last_variance_mm2: NDArray[np.float64] = field(default_factory=_empty)
+    last_response_mv: NDArray[np.float64] = field(default_factory=_empty)
+    covariance_mm2: NDArray[np.float64] = field(default_factory=_empty)
+
+    def __post_init__(self) -> None:
+        """Say that no record has a last echo where none was given."""
+        for name in ("last_range_mm", "last_variance_mm2", "last_response_mv", "covariance_mm2"):
+            if len(getattr(self, name)) != len(self.flags):
+                object.__setattr__(self, name, np.full(len(self.flags), np.nan))

@@ -77,6 +77,7 @@ def scaled(settings: Settings, pulse: OtherPulse, **own: float | tuple[float, fl
     changed: dict[str, Any] = {}
     for field in fields(settings):
         if field.name not in own and (factor := factors.get(field.name.rpartition("_")[2])):
-            changed[field.name] = getattr(settings, field.name) * factor
+            value = getattr(settings, field.name)
+            changed[field.name] = tuple(factor * x for x in value) if isinstance(value, tuple) else factor * value
     result: Settings = replace(settings, **changed, **own)
     return result

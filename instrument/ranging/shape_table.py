@@ -66,6 +66,7 @@ class ShapeTable:
     def __init__(self, family: PulseFamily, noise: ShotNoise, step_ps: float, settings: RangingSettings) -> None:
         start_ps, spacing_ps, response_mv, shapes = family
         self.step_ps = step_ps
+        self._noise = noise
         self.usual_mv = float(response_mv[len(response_mv) // 2])
         lowest, highest = response_mv[0] / settings.table_margin, response_mv[-1] * settings.table_margin
         rungs = int(np.ceil(np.log(highest / lowest) / np.log(settings.rung)))
@@ -89,6 +90,7 @@ class ShapeTable:
     def _fill(self, signal: FloatArray, by_delay: FloatArray, by_amplitude: FloatArray, noise: ShotNoise) -> None:
         self._signal, self._by_delay, self._by_amplitude = signal, by_delay, by_amplitude
         self._weight = 1.0 / sample_variance(noise, signal, by_delay)
+        self._root_weight = np.sqrt(self._weight)
         design = (by_delay, by_amplitude, np.ones_like(signal))
         self._weighted = [self._weight * d for d in design]
         self._normal_sums = _running([self._weighted[i] * design[j] for i, j in PAIRS])
@@ -138,15 +140,64 @@ class ShapeTable:
         score: FloatArray = np.stack(seen, axis=1) - modelled
         return score
 
+    def design(self, first: IntArray, samples: int) -> FloatArray:
+        """Return the derivatives (3, R, M) of the samples of pieces by delay, amplitude and baseline."""
+        by_delay = _pieces(self._by_delay, first, samples)
+        return np.stack([by_delay, _pieces(self._by_amplitude, first, samples), np.ones_like(by_delay)])
+
+    def pulse(self, delay_ps: FloatArray, amplitude_mv: FloatArray, samples: int) -> tuple[FloatArray, FloatArray]:
+        """Return the samples (R, M) of pulses, and their derivatives (2, R, M) by delay and amplitude.
+
+        Unlike a piece of the table, it may begin before and end behind what the table covers: there it is zero.
+        """
+        rung = np.rint(self._height(amplitude_mv)).astype(np.int64)
+        steps = np.rint(delay_ps / self.step_ps * self._phases).astype(np.int64)
+        whole, phase = np.divmod(steps, self._phases)
+        row = (rung * self._phases + phase) * self._length
+        column = self._before - whole[:, None] + np.arange(samples)
+        index = row[:, None] + np.clip(column, 0, self._length - 1)
+        inside = (column >= 0) & (column < self._length)
+        by_amplitude = np.where(inside, self._by_amplitude[index], 0.0)
+        by_delay = np.where(inside, self._by_delay[index], 0.0)
+        off_mv = amplitude_mv - self._ladder[rung]
+        off_ps = delay_ps - steps * (self.step_ps / self._phases)
+        signal = np.where(inside, self._signal[index], 0.0) + off_mv[:, None] * by_amplitude
+        by_delay = by_delay * (amplitude_mv / self._ladder[rung])[:, None]
+        return signal + off_ps[:, None] * by_delay, np.stack([by_delay, by_amplitude])
+
+    def variance(self, signal_mv: FloatArray, by_delay: FloatArray) -> FloatArray:
+        """Return the variances (mV^2) of samples of a single sweep."""
+        return sample_variance(self._noise, signal_mv, by_delay)
+
+    @property
+    def phases(self) -> int:
+        """Get how many places of the 50 % point between two samples the table has."""
+        return self._phases
+
+    def places(self, first: IntArray) -> IntArray:
+        """Return where in its piece the pulse of an entry lies (R,), in parts of a sample."""
+        row, column = np.divmod(first, self._length)
+        return np.asarray((self._before - column) * self._phases + row % self._phases, dtype=np.int64)
+
+    def shifted(self, first: int, samples: int, later_ps: float) -> FloatArray:
+        """Return the signal (M,) of a piece whose pulse comes later by whole samples."""
+        row = first - first % self._length
+        index = np.arange(first, first + samples) - round(later_ps / self.step_ps)
+        return np.where(index < row, 0.0, self._signal[np.clip(index, row, row + self._length - 1)])
+
+    def weights(self, first: IntArray, samples: int) -> FloatArray:
+        """Return the inverse variances (R, M) of samples of a single sweep."""
+        return _pieces(self._weight, first, samples)
+
     def residual(self, entries: Entries, change: FloatArray, pieces_mv: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what the model, moved by ``change`` (R, 3) in delay, amplitude and baseline, leaves of each piece (R,
-        M), and the inverse variances (R, M)."""
+        M), and the inverse standard deviations (R, M) of a sweep."""
         samples = pieces_mv.shape[1]
         left = pieces_mv - _pieces(self._signal, entries.first, samples)
         left -= change[:, :1] * _pieces(self._by_delay, entries.first, samples)
         left -= change[:, 1:2] * _pieces(self._by_amplitude, entries.first, samples)
         left -= change[:, 2:]
-        return left, _pieces(self._weight, entries.first, samples)
+        return left, _pieces(self._root_weight, entries.first, samples)
 
 
 def sample_variance(noise: ShotNoise, signal_mv: FloatArray, slope_mv_per_ps: FloatArray) -> FloatArray:

@@ -7,12 +7,35 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from picoradar.instrument.ranging.outliers import outlying
 from picoradar.instrument.ranging.settings import RangingSettings
-from picoradar.instrument.ranging.shape_table import ShapeTable
+from picoradar.instrument.ranging.shape_table import Entries, ShapeTable
 
 FloatArray = NDArray[np.float64]
 
 UNKNOWNS = 3  # delay, amplitude, baseline
+
+
+class Residuals(NamedTuple):
+    """What fits leave of pieces (R, M).
+
+    Attributes
+    ----------
+    deviations : (R, M) float array
+        In standard deviations of the calibrated noise; 0 where a sample was left out.
+    used : (R, M) bool array
+        Samples that were not left out.
+    entries : Entries
+        Of the table, that the fits ended at.
+    table : ShapeTable
+    sweeps : (R,) float array
+    """
+
+    deviations: FloatArray
+    used: NDArray[np.bool_]
+    entries: Entries
+    table: ShapeTable
+    sweeps: FloatArray
 
 
 class PulseFit(NamedTuple):
@@ -29,6 +52,8 @@ class PulseFit(NamedTuple):
         gives: above 5 or 6 the shape is another one.
     residual_mv : (R,) float array
         Root mean square of the residuals.
+    residuals : Residuals, optional
+        What the fits leave; none where nothing was fitted.
     """
 
     delay_ps: FloatArray
@@ -37,6 +62,7 @@ class PulseFit(NamedTuple):
     covariance: FloatArray
     misfit_sigmas: FloatArray
     residual_mv: FloatArray
+    residuals: Residuals | None = None
 
 
 def fit_pulses(
@@ -50,8 +76,9 @@ def fit_pulses(
     """Fit ``b + s(t; tau, A)`` to pieces of traces by Gauss-Newton steps on the weighted residuals.
 
     With independent normal noise of known variance this is the maximum of the likelihood, and the inverse of the normal
-    matrix is the Cramer-Rao bound of the piece (docs/ranging.md). A few samples that lie far off the fit, as those of
-    a shot that misfired, are then replaced by it, which leaves them out, and these records are fitted once more.
+    matrix is the Cramer-Rao bound of the piece (docs/ranging.md). Samples that lie far off the fit, as those of a shot
+    that misfired, are then replaced by it, which leaves them out, and these records are fitted once more, until the
+    same ones are left out again.
 
     Parameters
     ----------
@@ -65,39 +92,61 @@ def fit_pulses(
     settings : RangingSettings
     """
     fit = _fit(pieces_mv, table, delay_ps, amplitude_mv, sweeps, settings)
-    left, weight = fit.residuals
-    far = left**2 * weight * sweeps[:, None] > settings.outlier_sigmas**2
-    count = far.sum(axis=1)
-    most = max(settings.max_outliers, settings.max_outlier_share * pieces_mv.shape[1])
-    again = np.flatnonzero((count > 0) & (count <= most))
-    if len(again):
-        repaired = np.where(far[again], pieces_mv[again] - left[again], pieces_mv[again])
+    out = np.zeros(pieces_mv.shape, dtype=np.bool_)
+    for _ in range(settings.outlier_rounds):
+        far = outlying(fit.deviations, settings)
+        again = np.flatnonzero((far != out).any(axis=1))
+        if not len(again):
+            break
+        out = far
+        raw = pieces_mv[again]
+        repaired = np.where(far[again], raw - fit.deviations[again] / fit.root_weight[again], raw)
         better = _fit(repaired, table, fit.delay_ps[again], fit.amplitude_mv[again], sweeps[again], settings)
+        # Samples left out keep their own residuals, by which they are judged again.
+        better.deviations[:] += (raw - repaired) * better.root_weight
         for old, new in zip(fit.arrays, better.arrays, strict=True):
             old[again] = new
-    left, weight = fit.residuals
-    freedom = pieces_mv.shape[1] - UNKNOWNS
-    misfit = np.einsum("rm,rm,rm->r", left, left, weight) * sweeps
-    return PulseFit(
-        fit.delay_ps,
-        fit.amplitude_mv,
-        fit.baseline_mv,
-        fit.covariance,
-        (misfit - freedom) / np.sqrt(2.0 * freedom),
-        np.sqrt(np.einsum("rm,rm->r", left, left) / pieces_mv.shape[1]),
-    )
+    return _judged(fit, out, table, sweeps)
 
 
 class _Fit(NamedTuple):
     delay_ps: FloatArray
     amplitude_mv: FloatArray
     baseline_mv: FloatArray
-    covariance: FloatArray
-    residuals: tuple[FloatArray, FloatArray]
+    information: FloatArray  # of a single sweep
+    deviations: FloatArray
+    root_weight: FloatArray  # of the sweeps averaged: inverse standard deviations
+    entries: Entries
 
     @property
-    def arrays(self) -> tuple[FloatArray, ...]:
-        return self.delay_ps, self.amplitude_mv, self.baseline_mv, self.covariance, *self.residuals
+    def arrays(self) -> tuple[FloatArray | NDArray[np.int64], ...]:
+        return *self[:-1], *self.entries
+
+
+def _judged(fit: _Fit, out: NDArray[np.bool_], table: ShapeTable, sweeps: FloatArray) -> PulseFit:
+    """Return the fit without the information of the samples that were left out."""
+    samples = out.shape[1]
+    information, deviations, used = fit.information, fit.deviations, np.full(len(out), samples)
+    some = np.flatnonzero(out.any(axis=1))
+    if len(some):
+        design = table.design(fit.entries.first[some], samples)  # (3, K, M)
+        weight = fit.root_weight[some] ** 2 / sweeps[some, None] * out[some]
+        information = information.copy()
+        information[some] -= np.einsum("ikm,jkm,km->kij", design, design, weight)
+        deviations = np.where(out, 0.0, deviations)
+        used = samples - out.sum(axis=1)
+    freedom = np.maximum(used - UNKNOWNS, 1)
+    misfit = np.einsum("rm,rm->r", deviations, deviations)
+    left = deviations / fit.root_weight
+    return PulseFit(
+        fit.delay_ps,
+        fit.amplitude_mv,
+        fit.baseline_mv,
+        np.linalg.inv(information) / sweeps[:, None, None],
+        (misfit - freedom) / np.sqrt(2.0 * freedom),
+        np.sqrt(np.einsum("rm,rm->r", left, left) / used),
+        Residuals(deviations, ~out, fit.entries, table, sweeps),
+    )
 
 
 def _fit(
@@ -135,6 +184,9 @@ def _fit(
     near = table.locate(delay, amplitude, samples)
     moved = (delay - near.delay_ps) * amplitude / near.amplitude_mv
     rest = np.column_stack([moved, amplitude - near.amplitude_mv, baseline])
-    residuals = table.residual(near, rest, pieces)
-    covariance = np.linalg.inv(table.information(delay, amplitude, samples) + prior)
-    return _Fit(delay, amplitude, baseline, covariance / sweeps[:, None, None], residuals)
+    left, root = table.residual(near, rest, pieces)
+    if (sweeps != 1.0).any():
+        root = root * np.sqrt(sweeps)[:, None]
+    left *= root
+    information = table.information(delay, amplitude, samples) + prior
+    return _Fit(delay, amplitude, baseline, information, left, root, near)

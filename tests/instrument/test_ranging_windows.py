@@ -55,7 +55,8 @@ def test_readings_reach_the_bound_of_their_samples(
 def test_they_agree_with_whole_traces(receiver: Receiver, calibrated: Calibration) -> None:
     for off_ps in (-60.0, 0.0, 60.0):
         found = estimate_windows(*windows(receiver, 45.0, 2000, 60, off_ps=off_ps), calibration=calibrated)
-        assert not found.flags.any()
+        assert set(found.flags) <= {0, Flag.MIXED}
+        assert np.mean(found.flags != 0) <= 0.01
         assert found.range_mm.mean() == pytest.approx(receiver.range_mm(INTERVAL), abs=0.03)
 
 
@@ -73,7 +74,8 @@ def test_a_long_coarse_window_finds_the_echo(receiver: Receiver, calibrated: Cal
     times = receiver.reference_ps + 1800.0 + 26.8 * np.arange(140)
     search = WindowTraces.of(receiver.traces(times, INTERVAL, 45.0, records=500, seed=81), times[0], 26.8)
     found = estimate_windows(reference, search, calibration=calibrated)
-    assert not found.flags.any()
+    assert set(found.flags) <= {0, Flag.MIXED}
+    assert np.mean(found.flags != 0) <= 0.01
     spread = found.range_mm - receiver.range_mm(INTERVAL)
     assert np.mean(spread**2 / found.variance_mm2) == pytest.approx(1.0, abs=0.2)
 

@@ -51,8 +51,11 @@ class PlanSettings:
         Share of ``wanted_sd_mm`` that a point which is monitored for motion is measured to.
     neighbours, dropped_share : int, float
         An echo is suspected below that share of the median response of so many points to either side.
-    response_rung : float
-        Ratio of the responses that are planned for: then only few forms of windows occur.
+    unsure_share : float
+        Points whose deviation is that many times the wanted one are taken again, if the line was noisier than planned.
+    response_rung, most_noise : float, float
+        Ratio of the responses, and of the noise, that are planned for: then only few forms of windows occur. At most
+        so many times the noise of the calibration is planned for.
 
     Raises
     ------
@@ -79,6 +82,8 @@ class PlanSettings:
     neighbours: int = 4
     dropped_share: float = 0.75
     response_rung: float = 1.1
+    unsure_share: float = 1.3
+    most_noise: float = 3.0
 
     def __post_init__(self) -> None:
         if not (self.wanted_sd_mm > 0 and 0 < self.nearest_mm < self.farthest_mm and self.first_response_mv > 0):

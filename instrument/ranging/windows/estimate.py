@@ -14,13 +14,15 @@ from picoradar.drivers.traces import Window
 from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.line import Flag
-from picoradar.instrument.ranging.pair import PulsePair, mark, mark_misplaced, share_reference, to_ranges
+from picoradar.instrument.ranging.combining import baselines_apart_mv2, combine, unreliable
+from picoradar.instrument.ranging.noticing import Noticed, notice
+from picoradar.instrument.ranging.pair import Last, PulsePair, mark, mark_misplaced, share_reference, to_ranges
 from picoradar.instrument.ranging.ranges import Ranges
+from picoradar.instrument.ranging.resolving import resolve
 from picoradar.instrument.ranging.settings import RangingSettings
-from picoradar.instrument.ranging.shape_table import ShapeTable
-from picoradar.instrument.ranging.template import bad_fit, combine, shapes_of, tables, unreliable
-from picoradar.instrument.ranging.template_fit import PulseFit, fit_pulses
+from picoradar.instrument.ranging.template import shapes_of, tables
 from picoradar.instrument.ranging.windows.fit import PointWindows
+from picoradar.instrument.ranging.windows.pulse import FoundPulse, find_pulse
 from picoradar.instrument.ranging.windows.traces import WindowTraces
 
 FloatArray = NDArray[np.float64]
@@ -63,8 +65,8 @@ def estimate_windows(
     """
     limits = settings or RangingSettings()
     seen_clipped = np.broadcast_to(np.asarray(clipped, dtype=np.bool_), (len(reference.values_mv),))
-    pair, flags = _pairs(reference, echo, seen_clipped, calibration, limits)
-    return _ranges(pair, flags, calibration, limits, shared_reference=shared_reference)
+    fitted = _pairs([(reference, echo)], seen_clipped, calibration, limits)
+    return _ranges(fitted, calibration, limits, shared_reference=shared_reference)
 
 
 def estimate_points(
@@ -94,19 +96,16 @@ def estimate_points(
     for number, point in enumerate(points):
         r, e = point.reference, point.echo
         forms[r.step_ps, r.samples, e.step_ps, e.samples].append(number)
-    order: list[int] = []
-    pairs: list[PulsePair] = []
-    flags: list[FlagArray] = []
-    for numbers in forms.values():
-        reference = _gather([(points[n].reference, traces_mv[n][0]) for n in numbers])
-        echo = _gather([(points[n].echo, traces_mv[n][1]) for n in numbers])
-        pair, found = _pairs(reference, echo, seen_clipped[numbers], calibration, limits)
-        order += numbers
-        pairs.append(pair)
-        flags.append(found)
-    back = np.argsort(order)
-    pair, found = PulsePair.joined(pairs).taken(back), np.concatenate(flags)[back]
-    return _ranges(pair, found, calibration, limits, shared_reference=shared_reference)
+    order = [number for numbers in forms.values() for number in numbers]
+    windows = [
+        (
+            _gather([(points[n].reference, traces_mv[n][0]) for n in numbers]),
+            _gather([(points[n].echo, traces_mv[n][1]) for n in numbers]),
+        )
+        for numbers in forms.values()
+    ]
+    fitted = _pairs(windows, seen_clipped[order], calibration, limits)
+    return _ranges(fitted.taken(np.argsort(order)), calibration, limits, shared_reference=shared_reference)
 
 
 def with_retaken(ranges: Ranges, points: NDArray[np.intp], again: Ranges) -> Ranges:
@@ -131,116 +130,95 @@ def _gather(windows: Sequence[tuple[Window, ArrayLike]]) -> WindowTraces:
 
 
 def _pairs(
-    reference: WindowTraces,
-    echo: WindowTraces,
+    windows: Sequence[tuple[WindowTraces, WindowTraces]],
     seen_clipped: BoolArray,
     calibration: Calibration,
     limits: RangingSettings,
-) -> tuple[PulsePair, FlagArray]:
-    records = len(reference.values_mv)
-    if records != len(echo.values_mv):
-        raise BadInput(f"{records} reference windows and {len(echo.values_mv)} echo windows")
-    blocks = [slice(first, first + BLOCK) for first in range(0, max(records, 1), BLOCK)]
-    found = [_block(reference.part(b), echo.part(b), seen_clipped[b], calibration, limits) for b in blocks]
-    return PulsePair.joined([pair for pair, _ in found]), np.concatenate([flags for _, flags in found])
-
-
-def _block(
-    reference: WindowTraces,
-    echo: WindowTraces,
-    seen_clipped: BoolArray,
-    calibration: Calibration,
-    limits: RangingSettings,
-) -> tuple[PulsePair, FlagArray]:
+) -> _Fitted:
+    """Range groups of records whose windows have the same form, one group after the other."""
+    groups = []
+    for reference, echo in windows:
+        records = len(reference.values_mv)
+        if records != len(echo.values_mv):
+            raise BadInput(f"{records} reference windows and {len(echo.values_mv)} echo windows")
+        blocks = [slice(first, first + BLOCK) for first in range(0, max(records, 1), BLOCK)]
+        groups += [(reference.part(block), echo.part(block)) for block in blocks]
     shapes = shapes_of(calibration)
-    first = _fit(reference, tables(shapes, reference.step_ps, limits)[0], limits)
-    second = _fit(echo, tables(shapes, echo.step_ps, limits)[1], limits)
-    flags = np.zeros(len(reference.values_mv), dtype=np.uint16)
-    mark(flags, Flag.NO_REFERENCE, first.missing | bad_fit(first.fit, limits))
-    mark(flags, Flag.NO_ECHO, second.missing & ~first.missing)
-    mark(flags, Flag.MIXED, ~second.missing & ~first.missing & (bad_fit(second.fit, limits) | second.others))
-    lowest, highest = limits.clip_mv
-    for window in (reference, echo):
-        mark(flags, Flag.CLIPPED, (window.values_mv.min(axis=1) < lowest) | (window.values_mv.max(axis=1) > highest))
-    mark(flags, Flag.CLIPPED, seen_clipped)
-    fits = [unreliable(found.fit, found.missing) for found in (first, second)]
-    return combine(fits[0], fits[1], first.first_ps, second.first_ps), flags
+    firsts = [find_pulse(reference, tables(shapes, reference.step_ps, limits)[0], limits) for reference, _ in groups]
+    seconds = [find_pulse(echo, tables(shapes, echo.step_ps, limits)[1], limits) for _, echo in groups]
+    noticed = notice([found.fit for found in firsts], [found.fit for found in seconds], limits)
+    echoes = [
+        resolve(
+            other,
+            second.values_mv,
+            second.place_ps,
+            tables(shapes, echo.step_ps, limits)[1],
+            ~second.missing & ~first.missing & (other.second | other.poor | second.others),
+            limits,
+        )
+        for (_, echo), first, second, other in zip(groups, firsts, seconds, noticed[1], strict=True)
+    ]
+    fits = [
+        (unreliable(one.fit, first.missing), unreliable(found.first, second.missing))
+        for first, second, one, found in zip(firsts, seconds, noticed[0], echoes, strict=True)
+    ]
+    apart = baselines_apart_mv2(fits, limits)
+    starts = [(first.first_ps, second.first_ps) for first, second in zip(firsts, seconds, strict=True)]
+    pairs = [combine(*both, *start, apart_mv2=apart) for both, start in zip(fits, starts, strict=True)]
+    last = None
+    if any(found.resolved.any() for found in echoes):
+        of_last = [
+            combine(reference, found.last, *start, apart_mv2=apart)
+            for (reference, _), found, start in zip(fits, echoes, starts, strict=True)
+        ]
+        last = Last(PulsePair.joined(of_last), np.concatenate([found.between for found in echoes]))
+    flags = [
+        _flags(group, (first, second), (one, other._replace(second=other.second | found.resolved)), limits)
+        for group, first, second, one, other, found in zip(groups, firsts, seconds, *noticed, echoes, strict=True)
+    ]
+    together = np.concatenate(flags)
+    mark(together, Flag.CLIPPED, seen_clipped)
+    return _Fitted(PulsePair.joined(pairs), last, together)
 
 
-def _ranges(
-    pair: PulsePair,
-    flags: FlagArray,
-    calibration: Calibration,
+class _Fitted(NamedTuple):
+    """Records whose windows are fitted: pair of the first echo, the last echoes if there are any, and flags."""
+
+    pair: PulsePair
+    last: Last | None
+    flags: FlagArray
+
+    def taken(self, records: NDArray[np.intp]) -> _Fitted:
+        last = self.last
+        if last is not None:
+            last = Last(last.pair.taken(records), last.between[records])
+        return _Fitted(self.pair.taken(records), last, self.flags[records])
+
+
+def _flags(
+    windows: tuple[WindowTraces, WindowTraces],
+    found: tuple[FoundPulse, FoundPulse],
+    judged: Sequence[Noticed],
     limits: RangingSettings,
-    *,
-    shared_reference: bool,
-) -> Ranges:
+) -> FlagArray:
+    (first, second), (one, other) = found, judged
+    flags = np.zeros(len(first.missing), dtype=np.uint16)
+    ranged = ~second.missing & ~first.missing
+    mark(flags, Flag.NO_REFERENCE, first.missing)
+    mark(flags, Flag.NO_ECHO, second.missing & ~first.missing)
+    mark(flags, Flag.MIXED, ranged & (other.second | second.others))
+    mark(flags, Flag.DISTORTED, ranged & (one.distorted | other.distorted) & ~other.second)
+    lowest, highest = limits.clip_mv
+    for window in windows:
+        mark(flags, Flag.CLIPPED, (window.values_mv.min(axis=1) < lowest) | (window.values_mv.max(axis=1) > highest))
+    return flags
+
+
+def _ranges(fitted: _Fitted, calibration: Calibration, limits: RangingSettings, *, shared_reference: bool) -> Ranges:
+    pair, last, flags = fitted
     mark_misplaced(flags, pair, calibration)
+    use = (flags & np.uint16(Flag.NO_REFERENCE)) == 0
     if shared_reference:
-        pair = share_reference(pair, (flags & np.uint16(Flag.NO_REFERENCE)) == 0, limits)
-    return to_ranges(pair, flags, "template", calibration, limits)
-
-
-class _Found(NamedTuple):
-    """The strongest pulse of each window: its fit, the instant that the fit's delay counts from, where there is no
-    pulse at all (``missing``), and where a long window holds another one (``others``)."""
-
-    fit: PulseFit
-    first_ps: FloatArray
-    missing: BoolArray
-    others: BoolArray
-
-
-def _fit(window: WindowTraces, table: ShapeTable, limits: RangingSettings) -> _Found:
-    usable = np.asarray(np.isfinite(window.values_mv).all(axis=1), dtype=np.bool_)
-    whole = window.values_mv if usable.all() else np.where(usable[:, None], window.values_mv, 0.0)
-    edge, height = _half_way(whole, window.step_ps, limits)
-    lead = limits.piece_lead_ps
-    samples = min(whole.shape[1], round((lead + limits.piece_trail_ps) / window.step_ps))
-    cut = np.clip(edge - round(lead / window.step_ps), 0, whole.shape[1] - samples)
-    pieces = whole
-    if samples < whole.shape[1]:
-        pieces = np.take_along_axis(whole, cut[:, None] + np.arange(samples), axis=1)
-    guess = np.asarray((edge - cut) * window.step_ps, dtype=np.float64)
-    fit = fit_pulses(pieces, table, guess, height, window.sweeps, limits)
-    delay = fit.delay_ps + cut * window.step_ps
-    sd = np.sqrt(fit.covariance[:, 1, 1])
-    missing = (
-        ~usable
-        | (fit.amplitude_mv < np.maximum(limits.detection_sigmas * sd, limits.min_response_mv))
-        | (delay < limits.window_foot_ps)
-        | (delay > (whole.shape[1] - 1) * window.step_ps - limits.window_top_ps)
-    )
-    others = _others(whole, cut, samples, fit, window.step_ps, limits)
-    return _Found(fit, window.first_ps + cut * window.step_ps, missing, others)
-
-
-def _others(
-    whole: FloatArray, cut: NDArray[np.int64], samples: int, fit: PulseFit, step_ps: float, limits: RangingSettings
-) -> BoolArray:
-    """Return where another pulse stands outside the piece that was fitted."""
-    width = max(1, round(limits.window_smooth_ps / step_ps))
-    if whole.shape[1] < samples + width:
-        return np.zeros(len(whole), dtype=np.bool_)
-    index = np.arange(whole.shape[1])
-    outside = (index < cut[:, None]) | (index >= (cut + samples)[:, None])
-    sums = np.cumsum(np.where(outside, whole - fit.baseline_mv[:, None], 0.0), axis=1)
-    highest = np.max(sums[:, width:] - sums[:, :-width], axis=1) / width
-    noise = limits.detection_sigmas * fit.residual_mv / np.sqrt(width)
-    least = np.maximum(limits.min_response_mv, limits.ringing_share * fit.amplitude_mv)
-    return np.asarray(highest > np.maximum(noise, least), dtype=np.bool_)
-
-
-def _half_way(values: FloatArray, step_ps: float, limits: RangingSettings) -> tuple[NDArray[np.int64], FloatArray]:
-    """Return the sample nearest to half way up to the highest, and that height, in smoothed traces."""
-    width = max(1, min(round(limits.window_smooth_ps / step_ps), values.shape[1] // 4))  # of a short window, a part
-    sums = np.cumsum(values, axis=1)
-    smooth = (sums[:, width:] - sums[:, :-width]) / width  # of samples 1 .. M - 1
-    top = np.argmax(smooth, axis=1)
-    index = np.arange(smooth.shape[1])
-    high = np.take_along_axis(smooth, top[:, None], axis=1)
-    low = np.min(np.where(index <= top[:, None], smooth, np.inf), axis=1, keepdims=True)
-    below = (smooth < (high + low) / 2) & (index <= top[:, None])
-    last = smooth.shape[1] - 1 - np.argmax(below[:, ::-1], axis=1)
-    edge = np.where(below.any(axis=1), last, 0) + 1 + width // 2
-    return edge, np.maximum((high - low)[:, 0], limits.start_height_mv)
+        pair = share_reference(pair, use, limits)
+        last = None if last is None else Last(share_reference(last.pair, use, limits), last.between)
+    return to_ranges(pair, flags, "template", calibration, limits, last)

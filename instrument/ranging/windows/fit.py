@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from picoradar.drivers.traces import Window
 from picoradar.instrument.calibration import Calibration
+from picoradar.instrument.ranging.combining import combine
 from picoradar.instrument.ranging.pair import to_ranges
 from picoradar.instrument.ranging.settings import RangingSettings
 from picoradar.instrument.ranging.shape_table import ShapeTable
-from picoradar.instrument.ranging.template import combine, shapes_of, tables
+from picoradar.instrument.ranging.template import shapes_of, tables
 from picoradar.instrument.ranging.template_fit import PulseFit
 
 FloatArray = NDArray[np.float64]

@@ -63,6 +63,7 @@ class WindowPlanner:
         blank = np.full(self.columns, np.nan)
         self._echo_ps: list[FloatArray] = [blank, blank]  # the last line, and the one before
         self._response_mv: FloatArray = blank
+        self._noise = 1.0  # noise of the day over that of the calibration
         self._choose = lru_cache(maxsize=256)(self._cheapest)
 
     def line(self) -> list[PointWindows]:
@@ -86,7 +87,7 @@ class WindowPlanner:
         reference_ps, reference_margin_ps = self._reference
         settings = self.settings
         windows = cheapest_windows(
-            replace(settings, wanted_sd_mm=settings.monitor_sd_share * settings.wanted_sd_mm),
+            replace(settings, wanted_sd_mm=settings.monitor_sd_share * settings.wanted_sd_mm / self._noise),
             self.calibration,
             reference_margin_ps=reference_margin_ps,
             margin_ps=settings.margins_ps[-2],
@@ -100,8 +101,13 @@ class WindowPlanner:
 
         These are points whose narrow window showed no echo, no reference or a poor fit, and those whose response has
         dropped against the line and against the line before: there the spot may lie on a rim, with most of its light
-        on another surface.
+        on another surface. Where the line has shown more noise than it was planned for, those that are not sure enough
+        are taken again, too.
         """
+        before, self._noise = self._noise, self._noise_of(ranges, (ranges.flags & np.uint16(RETRY)) == 0)
+        with np.errstate(invalid="ignore"):
+            unsure = np.sqrt(ranges.variance_mm2) > self.settings.unsure_share * self.settings.wanted_sd_mm
+        unsure &= self._noise > before
         narrow = np.array([not point.wide for point in points], dtype=np.bool_)
         poor = (ranges.flags & np.uint16(RETRY)) != 0
         response, near, share = ranges.response_mv, self.settings.neighbours, self.settings.dropped_share
@@ -109,7 +115,7 @@ class WindowPlanner:
         with np.errstate(invalid="ignore"):
             dropped = response < share * usual
             dropped &= ~(response > share * self._response_mv)  # the line before showed nothing else
-        return np.flatnonzero(narrow & (poor | dropped))
+        return np.flatnonzero((narrow & (poor | dropped)) | unsure)
 
     def learn(self, ranges: Ranges) -> None:
         """Take in a line that is done; the next one is planned from it.
@@ -136,6 +142,7 @@ class WindowPlanner:
             "echo_before_ps": before.tolist(),
             "response_mv": self._response_mv.tolist(),
             "reference_ps": list(self._reference),
+            "noise": self._noise,
         }
 
     def load_state(self, state: Mapping[str, Any]) -> None:
@@ -144,6 +151,7 @@ class WindowPlanner:
             np.array(state[name], dtype=np.float64) for name in ("echo_ps", "echo_before_ps", "response_mv")
         )
         self._echo_ps, self._response_mv = [echo, before], response
+        self._noise = float(state.get("noise", 1.0))  # recordings of earlier versions have none
         reference_ps, margin_ps = state["reference_ps"]
         self._reference = float(reference_ps), float(margin_ps)
 
@@ -184,12 +192,24 @@ class WindowPlanner:
         # Planned for a little less, in steps of a tenth: then only few forms of windows occur.
         ratio = self.settings.response_rung
         rung = float(ratio ** np.floor(np.log(max(response, self.settings.min_response_mv)) / np.log(ratio)))
-        reference, echo = self._choose(reference_margin_ps, margin_ps, rung)
+        reference, echo = self._choose(reference_margin_ps, margin_ps, rung, self._noise)
         return PointWindows(_at(reference, reference_ps), _at(echo, expected_ps), wide)
 
-    def _cheapest(self, reference_margin_ps: float, margin_ps: float, response_mv: float) -> tuple[Window, Window]:
+    def _noise_of(self, ranges: Ranges, good: NDArray[np.bool_]) -> float:
+        """Return how many times the calibrated noise a line has shown, in steps of a tenth: so much less is wanted of
+        the next one by the calibration."""
+        seen = _median(np.sqrt(ranges.variance_mm2[good]))
+        if np.isnan(seen):
+            return self._noise
+        ratio = min(seen * self._noise / self.settings.wanted_sd_mm, self.settings.most_noise)
+        steps = np.floor(np.log(max(ratio, 1.0)) / np.log(self.settings.response_rung))
+        return float(self.settings.response_rung**steps)
+
+    def _cheapest(
+        self, reference_margin_ps: float, margin_ps: float, response_mv: float, noise: float
+    ) -> tuple[Window, Window]:
         return cheapest_windows(
-            self.settings,
+            replace(self.settings, wanted_sd_mm=self.settings.wanted_sd_mm / noise),
             self.calibration,
             reference_margin_ps=reference_margin_ps,
             margin_ps=margin_ps,
