@@ -116,8 +116,8 @@ def echoes(seed: int, count: int) -> None:
             seen = f"{np.mean(last[two]):8.3f} {np.std(last[two]):6.3f} {np.mean(of_last[two]):14.2f}"
         print(
             f"{gap_mm:6.0f} {first_mv:4.0f}+{share * first_mv:2.0f} | "
-            f"{np.mean(first):12.3f} {np.std(first):6.3f} {np.mean(square):14.2f}  | {seen}  | {100 * np.mean(two):5.1f} "
-            f"{100 * np.mean(flagged):8.2f} {np.count_nonzero((square > 9) & ~flagged):8d}",
+            f"{np.mean(first):12.3f} {np.std(first):6.3f} {np.mean(square):14.2f}  | {seen}  | "
+            f"{100 * np.mean(two):5.1f} {100 * np.mean(flagged):8.2f} {np.count_nonzero((square > 9) & ~flagged):8d}",
             flush=True,
         )
 
