@@ -125,6 +125,8 @@ def test_the_reference_takes_the_drift_out(station: Station) -> None:
     assert float(outcome.figures["largest_without_reference_mm"] or 0) > 5 * float(
         outcome.figures["largest_with_reference_mm"] or 9
     )
+    assert float(outcome.figures["reference_once_largest_in_18_min_mm"] or 0) > 0.5
+    assert any("a reference taken once" in found for found in outcome.findings)
 
 
 def test_templates_scatter_less_than_half_maxima(station: Station) -> None:
