@@ -127,19 +127,28 @@ def _walk_curve(seed: int, distance_mm: float) -> FloatArray:
     return np.asarray(curve - curve[WALK_RESPONSES_MV.index(50.0)])
 
 
-def _overlap(seed: int) -> Part:
-    """Distance at which the reference is back within 1 % when the echo begins (2 % of its own peak)."""
-    lone = Bench(seed, target="plate", distance_mm=1400.0, reflectance=1e-6, drift_ps=0.0)
+def overlap_cm(seed: int, **changes: object) -> float:
+    """Get the distance (cm) at which the reference is back within 1 % when the echo begins (2 % of its own peak).
+
+    Parameters
+    ----------
+    seed : int
+    **changes : object
+        Settings that differ from the defaults.
+    """
+    lone = Bench(seed, target="plate", distance_mm=1400.0, reflectance=1e-6, drift_ps=0.0, **changes)
     reference = np.mean([lone.take()[0] for _ in range(200)], axis=0)
     reference -= np.median(reference)
     busy = TIMES_PS[np.nonzero(np.abs(reference) > OVERLAP_LEVEL * reference.max())[0][-1]]
-    far = Bench(seed, target="plate", distance_mm=1000.0, drift_ps=0.0)
+    far = Bench(seed, target="plate", distance_mm=1000.0, drift_ps=0.0, **changes)
     echo = np.where(TIMES_PS > 9500, np.mean([far.take()[0] for _ in range(200)], axis=0), 0.0)
     begins = TIMES_PS[np.argmax(echo > 0.02 * echo.max())]
-    limit_cm = 100.0 - (begins - busy) * 0.299792458 / 2 / 10
-    return Part(
-        [Check("reference and echo overlap below (cm, section 2.6.2)", "62", float(limit_cm), 60, 64, "fitted")], {}
-    )
+    return float(100.0 - (begins - busy) * 0.299792458 / 2 / 10)
+
+
+def _overlap(seed: int) -> Part:
+    limit_cm = overlap_cm(seed)
+    return Part([Check("reference and echo overlap below (cm, section 2.6.2)", "62", limit_cm, 60, 64, "fitted")], {})
 
 
 def _spectrum(seed: int) -> Part:
