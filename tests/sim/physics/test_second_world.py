@@ -8,6 +8,7 @@ from pydantic import ValidationError
 
 from picoradar.sim.physics import Noise
 from picoradar.sim.physics.device_time import DeviceTime
+from picoradar.sim.physics.footprint import waisted
 from picoradar.sim.physics.interference import Interference
 from picoradar.sim.physics.pointing import TONES_HZ, Pointing
 from picoradar.sim.physics.receiver import Receiver
@@ -242,3 +243,18 @@ def test_a_window_that_is_taken_again_has_the_hum_of_its_first_time(make_bench):
     first = optics.acquire(window(1, 1, start_s=0.2))
     np.testing.assert_array_equal(optics.acquire(window(1, 1, start_s=1.4345)), first)
     assert not np.array_equal(optics.acquire(window(1, 1, start_s=71.4345)), first)  # a minute later: as of that time
+
+
+@pytest.mark.parametrize("beyond_mm", [-400.0, 0.0, 250.0, 800.0])
+def test_skew_rays_have_the_second_moments_of_the_spot_at_any_distance(beyond_mm):
+    direction = np.array([0.1, -0.2, np.sqrt(0.95)])
+    origins, directions = waisted(np.array([1.0, 2.0, 3.0]), direction, 1.0, 900.0, 2.0)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=1e-12)
+    plane_mm = 900.0 + beyond_mm
+    reach = (plane_mm - (origins - origins[0]) @ direction) / (directions @ direction)
+    spot = origins + reach[:, None] * directions
+    off = spot - spot[0]
+    assert np.abs(off @ direction).max() < 1e-9
+    diameter = np.hypot(1.0, 2e-3 * beyond_mm)
+    moments = np.linalg.eigvalsh(off.T @ off / len(off))[1:]  # of a Gaussian spot: d^2 / 16 on each axis
+    np.testing.assert_allclose(moments, diameter**2 / 16, rtol=1e-6)

@@ -89,6 +89,21 @@ def test_the_echo_keeps_its_energy(make_bench):
     assert delay[1] - delay[0] == pytest.approx(np.arange(400) @ late, abs=0.2)
 
 
+def test_the_walk_goes_by_the_peak_of_the_spread_echo():
+    """An echo of 19.5 mV without the tissue has 13.8 mV with it, and so the slow rise of a weaker echo."""
+    receiver, arrivals = Receiver(SimulationSettings(saturation_mv=1e4)), np.zeros(1)
+    late = np.exp(-np.arange(1500) / 300.0).astype(np.float32)
+    spread = Spread(late / late.sum())
+    charges = np.array([220.0])
+    (plain,) = receiver.pulses(arrivals, charges, 44.0)
+    (found,) = receiver.pulses(arrivals, charges, 44.0, [Late(0.0, spread)])
+    fast = convolved(plain.shape, spread)
+    (weak,) = receiver.pulses(arrivals, charges * float(fast.max()) / plain.response_mv, 44.0)
+    slow = convolved(weak.shape, spread) * (plain.response_mv / float(fast.max()))
+    np.testing.assert_allclose(found.shape, slow, atol=2e-3 * found.response_mv)
+    assert np.abs(found.shape - fast).max() > 0.02 * found.response_mv
+
+
 def test_light_at_once_changes_nothing():
     """Rays whose light all comes at once give the pulse of rays without a response, wherever they lie."""
     receiver = Receiver(SimulationSettings())
