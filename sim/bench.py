@@ -19,6 +19,7 @@ from picoradar.sim.firmware.oscilloscope import OscilloscopeFirmware
 from picoradar.sim.firmware.tc200 import Tc200Firmware
 from picoradar.sim.operator import clicks, scale_reading
 from picoradar.sim.physics import (
+    CurrentMonitor,
     DiodeBlock,
     LaserMonitor,
     MirrorPair,
@@ -63,7 +64,8 @@ class SimulatedBench:
     usb_backend : SimUsbBackend
         pyusb backend that finds the USB devices.
     monitor : LaserMonitor
-        Fast photodetector at channel 2 of the oscilloscope, and a power meter, at the exit.
+        Fast photodetector at channel 2 of the oscilloscope, and a power meter, at the exit. (Channel 3 is at the
+        resistor in the path of the laser's current.)
     truth : BenchTruth
         Hidden from the code under test.
     serial_taps, usb_taps, signal, servo, heat_pump
@@ -129,7 +131,12 @@ class SimulatedBench:
             checked, self.noise, self.trigger, self.genesys, self.block, lambda: self.bridge.gate_open
         )
         self.oscilloscope = OscilloscopeFirmware(
-            self.clock, self.trigger, self.signal, detector=self.monitor, gate_open=lambda: self.bridge.gate_open
+            self.clock,
+            self.trigger,
+            self.signal,
+            detector=self.monitor,
+            current=CurrentMonitor(checked, self.noise, self.trigger, self.genesys, self.block),
+            gate_open=lambda: self.bridge.gate_open,
         )
         self.truth = BenchTruth(self.optics)
 

@@ -164,7 +164,9 @@ class SimulationSettings(BaseModel):
     # The second world (docs/physics.md): what the dissertation does not mention; 0 is off
     hum_mv: float = Field(0.0, ge=0, le=20, description="Mains hum behind the bridge: peak of its fundamental")
     mains_hz: float = Field(50.0, gt=0, le=400, description="Frequency of the mains")
-    flicker_mv: float = Field(0.0, ge=0, le=20, description="1/f noise behind the bridge: rms from 5 Hz to 10 kHz")
+    flicker_mv: float = Field(
+        0.0, ge=0, le=20, description="Rms of the 1/f noise behind the bridge: 5 Hz to 2 kHz, none at 20 kHz"
+    )
     memory_share: float = Field(0.0, ge=0, le=0.5, description="Share of a sample that is left at the next one")
     pickup_mv: float = Field(0.0, ge=0, le=20, description="Pick-up in step with the trigger: peak")
     pickup_ghz: float = Field(1.0, gt=0, le=10, description="Frequency of that pick-up")

@@ -21,11 +21,19 @@ SettingsFile = Annotated[
     Path | None,
     typer.Option(
         "--settings",
-        help="Settings file (TOML); without it the built-in simulated bench. The simulated bench of an operating room "
-        "(hum, 1/f noise, speckle, ...): world = 'clinic' below [simulation].",
+        help="Settings file (TOML); without it the built-in simulated bench.",
     ),
 ]
-Target = Annotated[str | None, typer.Option(help="hip, prism, gray, plate, step or a mesh file (simulated bench).")]
+Target = Annotated[
+    str | None,
+    typer.Option(
+        help="hip, prism, gray, plate, step, sphere, coated (half of it painted) or a mesh (simulated bench)."
+    ),
+]
+World = Annotated[
+    str | None,
+    typer.Option(help="dissertation, or clinic with hum, 1/f noise, speckle, light in tissue (simulated bench)."),
+]
 TargetPose = Annotated[
     str | None, typer.Option(help="Pose of the target: x,y,z,rx,ry,rz in mm and degrees (simulated bench).")
 ]
@@ -49,6 +57,7 @@ class ScanOptions(TypedDict, total=False):
 
     seed: int | None
     target: str | None
+    world: str | None
     target_pose: str | None
     distance_mm: float | None
     grid: str | None
@@ -77,11 +86,12 @@ def scan_settings(settings_file: Path | None, **options: Unpack[ScanOptions]) ->
 
     settings = Settings() if settings_file is None else load_settings(settings_file)
     grid, target, distance_mm = options.get("grid"), options.get("target"), options.get("distance_mm")
+    world = options.get("world")
     rows, columns = parse_grid(grid) if grid is not None else (None, None)
     pose = parse_pose(options.get("target_pose"))
-    if settings.bench != "simulated" and (target or pose):
+    if settings.bench != "simulated" and (target or pose or world):
         raise BadInput(
-            "--target and --target-pose place the target of the simulated bench; this settings file has real devices"
+            "--target, --target-pose and --world are of the simulated bench; this settings file has real devices"
         )
     return override(
         settings,
@@ -97,7 +107,7 @@ def scan_settings(settings_file: Path | None, **options: Unpack[ScanOptions]) ->
                 "mode": options.get("mode"),
                 "estimator": options.get("estimator"),
             },
-            "simulation": {"target": target, "target_pose": pose, "distance_mm": distance_mm}
+            "simulation": {"target": target, "target_pose": pose, "distance_mm": distance_mm, "world": world}
             if settings.bench == "simulated"
             else {},
         },

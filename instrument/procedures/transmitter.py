@@ -1,6 +1,7 @@
 """`transmitter`: power, width and rise time of the laser pulse against voltage and temperature (figures 2.8 to 2.12).
 
-A fast photodetector on the oscilloscope gives the form of the pulse, a power meter at the exit its energy.
+A fast photodetector on the oscilloscope gives the form of the pulse, a power meter at the exit its energy. Where the
+resistor R_M is wired to the oscilloscope, the current pulse at 20 and 80 kHz is measured, too (figure 2.7).
 """
 
 from __future__ import annotations
@@ -12,6 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from picoradar.instrument.errors import BadInput, InterlockTripped, Interrupted
+from picoradar.instrument.procedures.current_pulse import (
+    Current,
+    current_figures,
+    current_finding,
+    draw_current,
+    measured_current,
+)
 from picoradar.instrument.procedures.station.findings import refused
 from picoradar.instrument.procedures.station.light import SWEEP, Light, LightJob, NoStore
 from picoradar.instrument.procedures.station.outcome import Outcome, Plot, Readings
@@ -76,6 +84,7 @@ def run(station: Station, *, volts: tuple[float, ...] = VOLTS, degc: tuple[float
         )
     points = [(v, WORK_DEGC, COOL_HZ) for v in volts] + [(WORK_V, t, WORK_HZ) for t in degc]
     pulses: list[Pulse] = []
+    currents: list[Current | None] = []
     meters.open()
     try:
         for number, (drive_v, temperature, prf_hz) in enumerate(points):
@@ -90,11 +99,13 @@ def run(station: Station, *, volts: tuple[float, ...] = VOLTS, degc: tuple[float
                 found = f"No light at {drive_v:g} V and {temperature:g} degC: lid closed, or the meters see nothing."
                 return refused(NAME, found, REMEDY)
             pulses.append(measured(light, drive_v, temperature, prf_hz))
+            currents.append(measured_current(light, prf_hz))
     finally:
         meters.close()
         if station.controller.state == "ready":
             station.controller.work_at(station.settings)
-    return _judged(station, pulses[: len(volts)], pulses[len(volts) :])
+    outcome = _judged(station, pulses[: len(volts)], pulses[len(volts) :])
+    return with_current(outcome, sorted((c for c in currents if c is not None), key=lambda c: c.prf_hz))
 
 
 def _light_at(station: Station, drive_v: float, degc: float, prf_hz: float) -> Light:
@@ -109,7 +120,8 @@ def _light_at(station: Station, drive_v: float, degc: float, prf_hz: float) -> L
     controller.work_at(override(station.settings, changes))
     controller.warm_up()
     where = f"{drive_v:g} V, {degc:g} degC, {prf_hz / 1e3:g} kHz"
-    job = LightJob(meters, replace(SWEEP, prf_hz=prf_hz), where, station.clock)
+    working = (drive_v, degc) == (WORK_V, WORK_DEGC)
+    job = LightJob(meters, replace(SWEEP, prf_hz=prf_hz), where, station.clock, with_current=working)
     outcome = controller.scan(job, NoStore(station.folder))
     if outcome.stop_reason != "complete" or job.light is None:
         raise Interrupted(outcome.stop_reason)
@@ -182,6 +194,18 @@ def _judged(station: Station, by_volts: list[Pulse], by_degc: list[Pulse]) -> Ou
     )
 
 
+def with_current(outcome: Outcome, found: list[Current]) -> Outcome:
+    """Add the current pulses to what was found of the light; they decide nothing."""
+    plot = Plot("current", "Current pulse", _CURRENT, lambda figure: draw_current(figure, found))
+    return replace(
+        outcome,
+        findings=[*outcome.findings, current_finding(found)],
+        figures={**outcome.figures, **current_figures(found)},
+        plots=[*outcome.plots, *([plot] if found else [])],
+    )
+
+
+_CURRENT = "Voltage across R_M over its resistance, at 290 V and 23 degC, as in figure 2.7."
 _VOLTS = (
     "Peak power, width and rise time at 23 degC, 20 kHz, as in figures 2.8 to 2.10; shaded: overheats at 80 kHz; "
     "dashed: the working point found."

@@ -1,5 +1,6 @@
 """The physics of the radar and of its targets, from first principles; shares no formula with the instrument."""
 
+from picoradar.sim.physics.current_monitor import CurrentMonitor
 from picoradar.sim.physics.drift import SlowDrift
 from picoradar.sim.physics.footprint import bundle
 from picoradar.sim.physics.laser_monitor import LaserMonitor
@@ -38,6 +39,7 @@ __all__ = [
     "TABLE_PS",
     "WHITE",
     "Beam",
+    "CurrentMonitor",
     "DiodeBlock",
     "FloatArray",
     "LaserMonitor",

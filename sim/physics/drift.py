@@ -41,7 +41,7 @@ class SlowDrift:
         first = math.floor(place)
         u = place - first
         weights = ((1 - u) ** 3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3)
-        a, b, c, d = (self._knot(first + k) for k in range(4))
+        a, b, c, d = self._knot(first), self._knot(first + 1), self._knot(first + 2), self._knot(first + 3)
         return self._scale / 6 * (weights[0] * a + weights[1] * b + weights[2] * c + weights[3] * d)
 
     def _draw(self, number: int) -> float:

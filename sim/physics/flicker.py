@@ -1,70 +1,54 @@
-"""`Flicker`: 1/f noise as a sum of random polygons an octave apart, which can be read at any time."""
+"""`flicker`: 1/f noise as a sum of random polygons an octave apart, in a closed loop."""
 
 from __future__ import annotations
-
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.sim.physics.noise import Noise
-
-FINEST_S = 0.05e-3  # between the corners of the fastest polygon: power up to about 1 / (2 x 0.05 ms) = 10 kHz
-OCTAVES = 12  # the slowest has 102 ms between its corners: down to about 5 Hz
-BLOCK = 1024  # corners of the fastest polygon that are drawn at once
+FINEST_S = 0.05e-3  # between the corners of the fastest polygon: zero of its spectrum at 1 / 0.05 ms = 20 kHz
+OCTAVES = 12  # the slowest has 102 ms between its corners: a density of 1/f from about 5 Hz to 2 kHz
+SLOWEST_CORNERS = 125  # of the slowest polygon: the loop has whole periods of 50 Hz and of 60 Hz
+CORNERS = SLOWEST_CORNERS * 2 ** (OCTAVES - 1)
+LOOP_S = CORNERS * FINEST_S  # 12.8 s
 LINE_VARIANCE = 2 / 3  # mean variance of straight lines between independent corners of variance 1
+PIECE = 2**14  # shots that are calculated at once, in the processor's cache
 
 
-class Flicker:
-    """Noise of equal variance in each octave, that is with a power density that falls as 1/f.
+def flicker(rng: np.random.Generator, rms: float, shots: int) -> NDArray[np.float32]:
+    """Draw noise of equal variance in each octave, that is with a power density that falls as 1/f.
 
     Parameters
     ----------
-    noise : Noise
+    rng : numpy.random.Generator
     rms : float
         Of all octaves together, in any unit.
+    shots : int
+        Number of shots in the loop of `LOOP_S`.
+
+    Returns
+    -------
+    (shots,) float32 array
+        The noise at each shot; the first follows the last.
     """
+    total = np.zeros(SLOWEST_CORNERS, dtype=np.float32)
+    for octave in range(OCTAVES):
+        if octave > 0:
+            finer = np.repeat(total, 2)
+            finer[1::2] += np.roll(total, -1)
+            finer[1::2] *= np.float32(0.5)
+            total = finer
+        total += rng.standard_normal(len(total), dtype=np.float32)
+    total *= np.float32(rms / np.sqrt(LINE_VARIANCE * OCTAVES))
+    return _at_shots(np.append(total, total[0]), shots)
 
-    def __init__(self, noise: Noise, rms: float) -> None:
-        self._noise = noise
-        self._scale = rms / np.sqrt(LINE_VARIANCE * OCTAVES)
-        self._block = lru_cache(maxsize=64)(self._draw)
-        self._corners = lru_cache(maxsize=256)(self._draw_corners)
 
-    def of_run(self, run: tuple[int, ...], first_shot: int, shots: int, prf_hz: float) -> NDArray[np.float32]:
-        """Get the noise (shots,) from ``first_shot`` of a run (run id, repetition) on."""
-        per_shot = 1 / (prf_hz * FINEST_S)
-        first, last = int(first_shot * per_shot), int((first_shot + shots) * per_shot) + 1
-        blocks = range(first // BLOCK, last // BLOCK + 1)
-        parts = [self._block(*run, block) for block in blocks]
-        corners = parts[0] if len(parts) == 1 else np.concatenate(parts)
-        places = np.arange(first_shot, first_shot + shots) * per_shot - blocks[0] * BLOCK
-        entries = places.astype(np.intp)
-        places -= entries
-        before = corners.take(entries)
-        entries += 1
-        rise = corners.take(entries, mode="clip")
-        rise -= before
-        rise *= places.astype(np.float32)
-        before += rise
-        return before
-
-    def _draw(self, run: int, repeat: int, block: int) -> NDArray[np.float32]:
-        """Sum of all polygons at the corners of the fastest one, at some of which all the others turn."""
-        total = np.zeros(BLOCK)
-        for octave in range(OCTAVES):
-            spacing = 2**octave
-            if spacing >= BLOCK:  # several blocks share a side
-                place = block * BLOCK / spacing + np.arange(BLOCK) / spacing
-                first = int(place[0])
-                ends = [self._corners(run, repeat, octave, corner)[0] for corner in (first, first + 1)]
-                total += np.interp(place, [first, first + 1], ends)
-            else:
-                here, after = (self._corners(run, repeat, octave, b) for b in (block, block + 1))
-                corners = np.append(here, after[0])
-                total += np.interp(np.arange(BLOCK) / spacing, np.arange(len(corners)), corners)
-        return np.asarray(self._scale * total, dtype=np.float32)
-
-    def _draw_corners(self, run: int, repeat: int, octave: int, block: int) -> NDArray[np.float64]:
-        count = max(1, BLOCK // 2**octave)
-        return np.asarray(self._noise.stream("bridge.flicker", run, repeat, octave, block).standard_normal(count))
+def _at_shots(heights: NDArray[np.float32], shots: int) -> NDArray[np.float32]:
+    """Points on the polygon through evenly spaced corners."""
+    rises = np.diff(heights)
+    noise = np.empty(shots, dtype=np.float32)
+    for first in range(0, shots, PIECE):
+        places = np.arange(first, min(first + PIECE, shots)) * (len(rises) / shots)
+        corners = places.astype(np.intp)
+        places -= corners
+        noise[first : first + PIECE] = heights.take(corners) + rises.take(corners) * places.astype(np.float32)
+    return noise

@@ -8,17 +8,19 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.sim.physics.flicker import Flicker
+from picoradar.sim.physics.flicker import LOOP_S, flicker
 from picoradar.sim.physics.noise import Noise
 from picoradar.sim.settings import SimulationSettings
 from picoradar.sim.wires import Acquisition
 
-ORDERS = np.array([1.0, 3.0, 5.0])  # harmonics of the mains; chosen: rectifiers give the odd ones
-SHARES = np.array([1.0, 0.3, 0.15])  # of the fundamental
+HARMONICS = {1: 1.0, 3: 0.3, 5: 0.15}  # order: share of the fundamental; chosen: rectifiers give the odd ones
 
 
 class Interference:
     """Hum and 1/f noise are functions of the time of each shot, pick-up is one of the time after the trigger.
+
+    Hum and 1/f noise of the bench are one closed loop of 12.8 s, longer than a run of a scan. Each run begins to read
+    it at a place of its own, which is drawn by seed and run.
 
     Parameters
     ----------
@@ -29,40 +31,47 @@ class Interference:
     def __init__(self, settings: SimulationSettings, noise: Noise) -> None:
         self._s = settings
         self._noise = noise
-        self._start_rad = lru_cache(maxsize=64)(self._draw_phase)
-        self._within = lru_cache(maxsize=64)(_within_sweep)
-        self._flicker = Flicker(noise, settings.flicker_mv)
+        self._loop = lru_cache(maxsize=4)(self._make_loop)
+        self._begin = lru_cache(maxsize=64)(self._draw_begin)
+        self._pickup = lru_cache(maxsize=64)(self._make_pickup)
         self._pickup_rad = noise.stream("sampler.pickup").uniform(0.0, 2 * math.pi)
 
     def add(self, signal_mv: NDArray[np.float32], wanted: Acquisition, first_shot: int) -> None:
         """Add all of it to ``signal_mv`` (sweeps, samples) in place; ``first_shot`` counts from the run's first."""
         s = self._s
-        per_sweep = wanted.samples + wanted.settle_shots
-        if s.hum_mv > 0:
-            signal_mv += self._hum(wanted, first_shot, per_sweep)
-        if s.flicker_mv > 0:
-            shots = self._flicker.of_run(wanted.key[:2], first_shot, wanted.sweeps * per_sweep, wanted.prf_hz)
+        if s.hum_mv > 0 or s.flicker_mv > 0:
+            per_sweep = wanted.samples + wanted.settle_shots
+            shots = self._of_shots(wanted, first_shot, wanted.sweeps * per_sweep)
             signal_mv += shots.reshape(wanted.sweeps, per_sweep)[:, wanted.settle_shots :]
         if s.pickup_mv > 0 and wanted.gate_open:
-            times_ps = wanted.delay_ps + wanted.step_ps * np.arange(wanted.samples)
-            phase = 2e-3 * math.pi * s.pickup_ghz * times_ps + self._pickup_rad
-            signal_mv += (s.pickup_mv * np.sin(phase)).astype(np.float32)
+            signal_mv += self._pickup(wanted.delay_ps, wanted.step_ps, wanted.samples)
 
-    def _hum(self, wanted: Acquisition, first_shot: int, per_sweep: int) -> NDArray[np.float32]:
-        """Hum (sweeps, samples): sin(a + b) of sweep and sample is a product of two narrow matrices."""
-        start_rad = self._start_rad(*wanted.key[:2])
-        per_shot = 2 * math.pi * self._s.mains_hz / wanted.prf_hz
-        sweeps = start_rad + per_shot * (first_shot + wanted.settle_shots + per_sweep * np.arange(wanted.sweeps))
-        before = np.outer(sweeps, ORDERS)
-        left = np.hstack([np.sin(before) * SHARES, np.cos(before) * SHARES]).astype(np.float32)
-        left *= np.float32(self._s.hum_mv)
-        return np.asarray(left @ self._within(wanted.samples, per_shot))
+    def _of_shots(self, wanted: Acquisition, first_shot: int, shots: int) -> NDArray[np.float32]:
+        """Hum and 1/f noise (shots,), settling shots included."""
+        loop = self._loop(wanted.prf_hz)
+        begin = (int(self._begin(*wanted.key[:2]) * len(loop)) + first_shot) % len(loop)
+        part = loop[begin : begin + shots]
+        while len(part) < shots:
+            part = np.concatenate([part, loop[: shots - len(part)]])
+        return part
 
-    def _draw_phase(self, run: int, repeat: int) -> float:
-        return float(self._noise.stream("bridge.hum", run, repeat).uniform(0.0, 2 * math.pi))
+    def _make_loop(self, prf_hz: float) -> NDArray[np.float32]:
+        """Sum of hum and 1/f noise at each shot of the loop, in which the mains has whole periods (to 0.04 Hz)."""
+        shots = round(LOOP_S * prf_hz)
+        loop = flicker(self._noise.stream("bridge.flicker"), self._s.flicker_mv, shots)
+        if self._s.hum_mv > 0:
+            periods = round(self._s.mains_hz * LOOP_S)
+            alike = math.gcd(periods, shots)  # the loop is as many equal parts
+            turns_rad = np.arange(shots // alike) * (2 * math.pi * periods / shots)
+            wave = sum(share * np.sin(order * turns_rad) for order, share in HARMONICS.items())
+            loop += np.tile(np.asarray(self._s.hum_mv * wave, dtype=np.float32), alike)
+        return loop
 
+    def _draw_begin(self, run: int, repeat: int) -> float:
+        """Where in the loop a run begins, 0 to 1."""
+        return float(self._noise.stream("bridge.interference", run, repeat).uniform())
 
-def _within_sweep(samples: int, per_shot: float) -> NDArray[np.float32]:
-    """Cosines and sines (6, samples) of the harmonics along a sweep."""
-    phases = np.outer(ORDERS, per_shot * np.arange(samples))
-    return np.vstack([np.cos(phases), np.sin(phases)]).astype(np.float32)
+    def _make_pickup(self, delay_ps: float, step_ps: float, samples: int) -> NDArray[np.float32]:
+        """Pick-up along a sweep (samples,)."""
+        phase = 2e-3 * math.pi * self._s.pickup_ghz * (delay_ps + step_ps * np.arange(samples)) + self._pickup_rad
+        return np.asarray(self._s.pickup_mv * np.sin(phase), dtype=np.float32)

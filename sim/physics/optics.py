@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from picoradar.sim.physics.device_time import DeviceTime
 from picoradar.sim.physics.drift import SlowDrift
-from picoradar.sim.physics.footprint import bundle, off_focus_mm
+from picoradar.sim.physics.footprint import bundle, waisted
 from picoradar.sim.physics.interference import Interference
 from picoradar.sim.physics.mirrors import MirrorPair
 from picoradar.sim.physics.noise import Noise
@@ -186,7 +186,7 @@ class Optics:
             laser.delay_ps + 2 * view.path_mm / LIGHT_MM_PER_PS,
             receiver.charge_fc(laser.energy_pj * view.returned),
             laser.fwhm_ps,
-            view.spreads,
+            view.lates,
         )
         mean_mv, slope = np.zeros((2, wanted.samples), dtype=np.float32)
         for pulse in self._reference(laser) + echoes:
@@ -214,14 +214,14 @@ class Optics:
         angles = self._mirrors.angles_rad(middle_s, *wanted.key[:3])
         angles += self._pointing.deviation_rad(wanted, self._time)
         beam = self._mirrors.ray(angles)
-        spot_mm = s.spot_diameter_mm
         if s.focus_mm > 0:
-            axis = self._scene.cast(beam.origin[None], beam.direction)
-            spot_mm = off_focus_mm(spot_mm, beam.path_mm + float(axis.distance_mm[0]) - s.focus_mm, s.divergence_mrad)
-        origins = bundle(beam.origin, beam.direction, spot_mm)
+            waist = (s.spot_diameter_mm, s.focus_mm - beam.path_mm, s.divergence_mrad)
+            origins, directions = waisted(beam.origin, beam.direction, *waist)
+        else:
+            origins, directions = bundle(beam.origin, beam.direction, s.spot_diameter_mm), beam.direction
         if s.motion_mm > 0:
             origins[:, 2] -= s.motion_mm * math.sin(2 * math.pi * middle_s / s.motion_period_s)
-        hits = self._scene.cast(origins, beam.direction)
+        hits = self._scene.cast(origins, directions)
 
         axis_mm = float(hits.distance_mm[0])
         point = beam.origin + axis_mm * beam.direction if math.isfinite(axis_mm) else np.full(3, math.nan)
@@ -230,12 +230,12 @@ class Optics:
         collected = (s.aperture_diameter_mm / (2 * path_mm)) ** 2  # share of the light from a white Lambertian
         returned = hits.brightness[seen] * collected * (s.exit_transmission * s.receiver_transmission / len(origins))
         returned *= self._speckle.factors(angles, len(origins))[seen]
-        spreads = None
+        lates = None
         if self._tissue is not None:
-            spreads, gain = self._tissue.behind(self._scene, hits, origins, beam.direction)
+            lates, gain = self._tissue.behind(self._scene, hits, origins, directions)
             returned *= gain
         range_mm = beam.path_mm + axis_mm - s.mirror_separation_mm
-        view = View(path_mm + s.transmitter_path_mm, returned, range_mm, point, angles, spreads)
+        view = View(path_mm + s.transmitter_path_mm, returned, range_mm, point, angles, lates)
         return view.seen_again(s.second_path_share, s.second_path_mm) if s.second_path_share > 0 else view
 
     def _block_heat_w(self) -> float:

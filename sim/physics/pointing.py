@@ -32,6 +32,7 @@ class Pointing:
     def __init__(self, settings: SimulationSettings, noise: Noise) -> None:
         self._noise = noise
         self._starts_rad = lru_cache(maxsize=64)(self._draw_phases)
+        self._strengths_rad = lru_cache(maxsize=64)(self._make_strengths)
         self._dither_rad = settings.dither_urad * 1e-6
         self._drifts = [
             SlowDrift(noise, name, settings.pointing_drift_urad * 1e-6, settings.pointing_drift_time_s)
@@ -44,15 +45,17 @@ class Pointing:
         off = np.zeros(2)
         if self._drifting:
             slow_s = time.slow_s(wanted)
-            off += [drift.at(slow_s) for drift in self._drifts]
+            off[0], off[1] = (drift.at(slow_s) for drift in self._drifts)
         if self._dither_rad > 0:
             length_s = wanted.sweeps * (wanted.samples + wanted.settle_shots) / wanted.prf_hz
             middle_s = time.shots_of_run(wanted) / wanted.prf_hz + length_s / 2
-            tones = np.sin(2 * math.pi * TONES_HZ * middle_s + self._starts_rad(*wanted.key[:2])) @ np.sinc(
-                TONES_HZ * length_s
-            )
-            off += self._dither_rad * math.sqrt(2 / len(TONES_HZ)) * tones
+            tones = np.sin((2 * math.pi * middle_s) * TONES_HZ + self._starts_rad(*wanted.key[:2]))
+            off += tones @ self._strengths_rad(length_s)
         return off
+
+    def _make_strengths(self, length_s: float) -> NDArray[np.float64]:
+        """What a window of some length sees of each tone (rad)."""
+        return self._dither_rad * math.sqrt(2 / len(TONES_HZ)) * np.sinc(TONES_HZ * length_s)
 
     def _draw_phases(self, run: int, repeat: int) -> NDArray[np.float64]:
         return self._noise.stream("scanner.dither", run, repeat).uniform(0.0, 2 * math.pi, (2, len(TONES_HZ)))

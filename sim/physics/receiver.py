@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.sim.physics.spread import TABLE_PS, TOGETHER_PS, arriving, convolved
+from picoradar.sim.physics.spread import TABLE_PS, TOGETHER_PS, Late, Shape, Spread, convolved, placed
 from picoradar.sim.settings import SimulationSettings
 
 FloatArray = NDArray[np.float64]
@@ -28,6 +28,7 @@ LEVELS = 33
 NOMINAL_FWHM_PS = 44.0
 APART_PS = 200.0  # light that arrives later than this counts as a pulse of its own
 WALK_COUNTS = 1e-3  # a difference of this in the growth of the own rise time is left out: 0.1 ps
+LEAST_SHARE = 1e-3  # less than this of the next level is left out: 0.005 ps
 
 
 class PulseTable(NamedTuple):
@@ -46,6 +47,14 @@ class PulseTable(NamedTuple):
     shapes: NDArray[np.float32]
     widths_ps: FloatArray
     start_ps: float
+
+
+class Level(NamedTuple):
+    """A response between two shapes of a table: ``share`` of that after ``low``, and its peak ``response_mv``."""
+
+    low: int
+    share: float
+    response_mv: float
 
 
 class Pulse(NamedTuple):
@@ -74,6 +83,7 @@ class Receiver:
     def __init__(self, settings: SimulationSettings) -> None:
         self._s = settings
         self._table = lru_cache(maxsize=32)(self._make_table)
+        self._late_shape = lru_cache(maxsize=1024)(self._make_late_shape)
         bandwidth_hz = 0.35e12 / math.hypot(settings.photodiode_rise_ps, settings.bridge_rise_ps)
         self._shot_noise_a = (
             2 * ELECTRON_C * settings.excess_noise_factor * settings.avalanche_gain**2 * bandwidth_hz
@@ -105,7 +115,7 @@ class Receiver:
         arrivals_ps: FloatArray,
         charges_fc: FloatArray,
         laser_fwhm_ps: float,
-        spreads: Sequence[NDArray[np.float32]] | None = None,
+        lates: Sequence[Late] | None = None,
     ) -> list[Pulse]:
         """Get the pulses of the photodiode for light that arrives in several parts.
 
@@ -115,8 +125,8 @@ class Receiver:
             Arrival of each part (centre of the laser pulse) and its charge.
         laser_fwhm_ps : float
             Width of the laser pulse.
-        spreads : sequence of (K,) float32 arrays, optional
-            How each part is spread in time after its arrival: shares of sum 1 every `TABLE_PS`.
+        lates : sequence of N Late, optional
+            How each part goes on arriving.
 
         Returns
         -------
@@ -131,9 +141,9 @@ class Receiver:
             return []
         cuts = (arrivals[1:] - arrivals[:-1] > APART_PS).nonzero()[0] + 1
         bounds = [0, *cuts.tolist(), len(arrivals)]
-        if spreads is None:
+        if lates is None:
             return [self._group(arrivals[i:j], charges[i:j], laser_fwhm_ps) for i, j in itertools.pairwise(bounds)]
-        late = [spreads[part] for part in order.tolist()]
+        late = [lates[part] for part in order.tolist()]
         return [
             self._spread_group(arrivals[i:j], charges[i:j], laser_fwhm_ps, late[i:j])
             for i, j in itertools.pairwise(bounds)
@@ -159,32 +169,52 @@ class Receiver:
         return Pulse(together, first_ps + start_ps, float(together.max()))
 
     def _spread_group(
-        self,
-        arrivals_ps: FloatArray,
-        charges_fc: FloatArray,
-        laser_fwhm_ps: float,
-        spreads: list[NDArray[np.float32]],
+        self, arrivals_ps: FloatArray, charges_fc: FloatArray, laser_fwhm_ps: float, lates: Sequence[Late]
     ) -> Pulse:
-        """Pulse of parts that are spread in time each: the response, convolved with when the light arrives."""
+        """Pulse of parts that are spread in time each: the sum of the responses to light that is spread like that."""
         charge_fc = float(charges_fc.sum())
-        first_ps, light = arriving(arrivals_ps, charges_fc / charge_fc, spreads)
-        start_ps, shape, response_mv = self._response(charge_fc, laser_fwhm_ps)
-        together = convolved(shape, light)
-        lowered = float(together.max()) / response_mv
+        first_ps, parts = placed(arrivals_ps, charges_fc / charge_fc, lates)
+        fwhm_ps = round(laser_fwhm_ps, 1)
+        table = self._table(fwhm_ps)
+        level = self._level(table, charge_fc)
+        together = self._sum(parts, fwhm_ps, level)
+        lowered = float(together.max()) / level.response_mv
         # The walk goes by the peak that there is.
-        if self.rise_excess(lowered * response_mv) > self.rise_excess(response_mv) + WALK_COUNTS:
-            _, shape, _ = self._response(charge_fc, laser_fwhm_ps, lowered)
-            together = convolved(shape, light)
-        return Pulse(together, first_ps + start_ps, float(together.max()))
+        if self.rise_excess(lowered * level.response_mv) > self.rise_excess(level.response_mv) + WALK_COUNTS:
+            together = self._sum(parts, fwhm_ps, self._level(table, charge_fc, lowered))
+        return Pulse(together, first_ps + table.start_ps, float(together.max()))
 
-    def _response(
-        self, charge_fc: float, laser_fwhm_ps: float, lowered: float = 1.0
-    ) -> tuple[float, NDArray[np.float32], float]:
-        """Start (ps), shape (mV) and peak (mV) of the response to one charge at time 0.
+    def _sum(self, parts: Mapping[tuple[Spread, int], float], fwhm_ps: float, level: Level) -> Shape:
+        """Voltage (mV) of all parts, `placed`, of one charge."""
+        levels = [(level.low, (1 - level.share) * level.response_mv)]
+        if level.share > LEAST_SHARE:
+            levels.append((level.low + 1, level.share * level.response_mv))
+        terms = [
+            (entry, np.float32(share * peak_mv), self._late_shape(spread, fwhm_ps, number))
+            for (spread, entry), share in parts.items()
+            for number, peak_mv in levels
+        ]
+        together = np.zeros(max(entry + len(shape) for entry, _, shape in terms), dtype=np.float32)
+        for entry, peak_mv, shape in terms:
+            together[entry : entry + len(shape)] += peak_mv * shape
+        return together
+
+    def _response(self, charge_fc: float, laser_fwhm_ps: float) -> tuple[float, Shape, float]:
+        """Start (ps), shape (mV) and peak (mV) of the response to one charge at time 0."""
+        table = self._table(round(laser_fwhm_ps, 1))
+        low, share, response_mv = self._level(table, charge_fc)
+        shape = np.float32((1 - share) * response_mv) * table.shapes[low]
+        shape += np.float32(share * response_mv) * table.shapes[low + 1]
+        return table.start_ps, shape, response_mv
+
+    def _make_late_shape(self, spread: Spread, fwhm_ps: float, number: int) -> Shape:
+        return convolved(self._table(fwhm_ps).shapes[number], spread)
+
+    def _level(self, table: PulseTable, charge_fc: float, lowered: float = 1.0) -> Level:
+        """Where the response to one charge lies in the table.
 
         Light that is spread in time makes a peak ``lowered`` times as high, after which the own rise time goes.
         """
-        table = self._table(round(laser_fwhm_ps, 1))
         volts_area = charge_fc * self._s.load_ohm  # fC x ohm = mV ps
         linear_mv = volts_area / float(table.widths_ps[0])
         volts_area /= math.sqrt(1.0 + (linear_mv / self._s.saturation_mv) ** 2)
@@ -193,10 +223,7 @@ class Receiver:
         low = min(int(place), LEVELS - 2)
         share = place - low
         width_ps = (1 - share) * float(table.widths_ps[low]) + share * float(table.widths_ps[low + 1])
-        response_mv = volts_area / width_ps
-        shape = np.float32((1 - share) * response_mv) * table.shapes[low]
-        shape += np.float32(share * response_mv) * table.shapes[low + 1]
-        return table.start_ps, shape, response_mv
+        return Level(low, share, volts_area / width_ps)
 
     def _make_table(self, laser_fwhm_ps: float) -> PulseTable:
         s = self._s

@@ -53,19 +53,18 @@ def remember(signal_mv: NDArray[np.float32], share: float, settle_shots: int) ->
 
     Parameters
     ----------
-    signal_mv : (sweeps, samples) float32 array
+    signal_mv : (sweeps, samples) float32 array, C order
     share : float
     settle_shots : int
     """
-    before = np.empty_like(signal_mv)
-    before[:, 1:] = signal_mv[:, :-1]
+    first = signal_mv[:, 0].copy()
+    shots = signal_mv.reshape(-1)
+    left = shots[:-1] - shots[1:]
+    left *= np.float32(share)
+    shots[0] *= np.float32(1 - share)
+    shots[1:] += left
     if settle_shots > 0:
-        before[:, 0] = signal_mv[:, 0]
-    else:
-        before[0, 0], before[1:, 0] = 0.0, signal_mv[:-1, -1]
-    before -= signal_mv
-    before *= np.float32(share)
-    signal_mv += before
+        signal_mv[:, 0] = first
 
 
 def digitise(signal_mv: NDArray[np.float32], settings: SimulationSettings) -> tuple[NDArray[np.uint32], bool]:

@@ -93,9 +93,9 @@ class Scene:
         self._face_material = target.face_material[keep]
         self._caster = caster(corners[keep])
 
-    def materials(self, faces: NDArray[np.int64]) -> list[Material]:
-        """Get the materials (N,) of faces that rays hit."""
-        return [self.target.materials[number] for number in self._face_material[faces].tolist()]
+    def material_numbers(self, faces: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Get the numbers (N,), in the target's materials, of those of faces that rays hit."""
+        return np.asarray(self._face_material[faces])
 
     def in_model(self, point_mm: FloatArray) -> FloatArray:
         """Get a point (3,) of the scanner frame in the target's own frame, mm."""
@@ -120,7 +120,7 @@ class Scene:
         face = self._caster.run(origins.astype(np.float32), each)
         surface = self._faces[face]  # for a miss the last face, of no consequence
         normal = surface[:, :3]
-        slope = normal @ directions if directions.ndim == 1 else (normal * directions).sum(axis=1)
+        slope = normal @ directions if directions.ndim == 1 else np.einsum("ij,ij->i", normal, directions)
         height = surface[:, 3] - np.einsum("ij,ij->i", normal, origins)
         distance = np.divide(height, slope, out=np.full(len(face), np.inf), where=slope != 0)
         cosine = np.abs(slope)

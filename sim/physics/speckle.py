@@ -13,6 +13,7 @@ from picoradar.sim.physics.noise import Noise
 from picoradar.sim.settings import SimulationSettings
 
 LEAST_PITCH_MM = 1.0  # of a spot without a diameter
+BLOCK = 8  # corners on each side of the blocks that are drawn at once
 
 
 class Speckle:
@@ -32,7 +33,7 @@ class Speckle:
         self._noise = noise
         self._contrast = settings.speckle_contrast
         self._per_rad = settings.distance_mm / (settings.spot_diameter_mm or LEAST_PITCH_MM)
-        self._corner = lru_cache(maxsize=8192)(self._draw)
+        self._block = lru_cache(maxsize=1024)(self._draw)
 
     def factors(self, angles_rad: NDArray[np.float64], rays: int) -> NDArray[np.float64]:
         """Get the factor of each ray (rays,) for optical angles (2,)."""
@@ -42,11 +43,16 @@ class Speckle:
         i, j = math.floor(x), math.floor(y)
         u, v = x - i, y - j
         a, b, c, d = (1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v
-        grain = a * self._corner(i, j)[:rays] + b * self._corner(i + 1, j)[:rays]
-        grain += c * self._corner(i, j + 1)[:rays] + d * self._corner(i + 1, j + 1)[:rays]
+        grain = a * self._corner(i, j) + b * self._corner(i + 1, j)
+        grain += c * self._corner(i, j + 1) + d * self._corner(i + 1, j + 1)
         variance = math.log1p(rays * self._contrast**2)
         grain *= math.sqrt(variance / (a * a + b * b + c * c + d * d))
-        return np.asarray(np.exp(grain - variance / 2))
+        grain -= variance / 2
+        return np.exp(grain[:rays])
+
+    def _corner(self, i: int, j: int) -> NDArray[np.float64]:
+        row: NDArray[np.float64] = self._block(i // BLOCK, j // BLOCK)[i % BLOCK, j % BLOCK]
+        return row
 
     def _draw(self, i: int, j: int) -> NDArray[np.float64]:
-        return self._noise.stream("scene.speckle", i, j).standard_normal(len(OFFSETS))
+        return self._noise.stream("scene.speckle", i, j).standard_normal((BLOCK, BLOCK, len(OFFSETS)))

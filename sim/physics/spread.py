@@ -1,64 +1,93 @@
-"""Light that arrives at the photodiode in parts, each spread in time, on one grid; and pulses convolved with it."""
+"""`Spread`: how the light of one part of the echo goes on arriving; parts on one grid, and pulses after such light."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
-Spread = NDArray[np.float32]
+Shape = NDArray[np.float32]
 
 TABLE_PS = 1.0  # straight lines between entries are good to 1e-4 of a pulse, well below a code
 TOGETHER_PS = 10.0  # light that arrives within this counts as simultaneous: 0.2 % of rise time
+STEPS = 5  # entries between the arrivals on the grid: at most 2.5 ps (rms) are added to a pulse that rises in 210 ps
+GRID_PS = STEPS * TABLE_PS
 LENGTHS = 512  # lengths of the transform are multiples of this, which are products of small primes
 
 
-def arriving(arrivals_ps: FloatArray, shares: FloatArray, spreads: Sequence[Spread]) -> tuple[float, Spread]:
-    """Get the light of all parts together.
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """How light goes on arriving: shares (K,) float32 of sum 1, every `TABLE_PS` from its arrival on.
+
+    Two are equal when they are the same object, so that what is made of one can be kept under it.
+    """
+
+    shares: Shape
+
+
+AT_ONCE = Spread(np.ones(1, dtype=np.float32))
+
+
+class Late(NamedTuple):
+    """Light of one ray: the share ``at_once`` of it, and the rest ``spread``."""
+
+    at_once: float
+    spread: Spread
+
+
+def placed(
+    arrivals_ps: FloatArray, shares: FloatArray, lates: Sequence[Late]
+) -> tuple[float, dict[tuple[Spread, int], float]]:
+    """Put light that arrives at any time onto a grid, each part as two of the same mean.
 
     Parameters
     ----------
     arrivals_ps : (N,) array
-        Arrival of each part, in order of time.
+        Arrival of each ray's light, in order of time.
     shares : (N,) array
-        Share of the light of each.
-    spreads : sequence of N (K,) float32 arrays
-        How each part goes on arriving, every `TABLE_PS`; of sum 1.
+        Share of each in all light.
+    lates : sequence of N Late
 
     Returns
     -------
-    float, (M,) float32 array
-        Time of the first entry, ps, and shares of sum 1 every `TABLE_PS`.
+    float, dict
+        Time of entry 0, ps, and the share of what is spread in one way from one entry on.
     """
-    if arrivals_ps[-1] - arrivals_ps[0] < TOGETHER_PS:
-        first_ps = float(arrivals_ps @ shares)
-        if all(spread is spreads[0] for spread in spreads):
-            return first_ps, spreads[0]
-        arrivals_ps = np.full_like(arrivals_ps, first_ps)
     first_ps = float(arrivals_ps[0])
-    places = ((arrivals_ps - first_ps) / TABLE_PS).tolist()
-    light = np.zeros(int(places[-1]) + 1 + max(len(spread) for spread in spreads), dtype=np.float32)
-    for place, share, spread in zip(places, shares.tolist(), spreads, strict=True):
-        entry, between = int(place), place % 1.0
-        light[entry : entry + len(spread)] += np.float32(share * (1 - between)) * spread
-        if between > 0:
-            light[entry + 1 : entry + 1 + len(spread)] += np.float32(share * between) * spread
-    return first_ps, light
+    if arrivals_ps[-1] - first_ps < TOGETHER_PS:
+        return float(arrivals_ps @ shares) / float(shares.sum()), _by_spread(0, shares.tolist(), lates)
+    places = (arrivals_ps - first_ps) / GRID_PS
+    parts: dict[tuple[Spread, int], float] = {}
+    for number in range(int(places[-1]) + 2):
+        near = shares * np.maximum(1.0 - np.abs(places - number), 0.0)
+        parts.update(_by_spread(number * STEPS, near.tolist(), lates))
+    return first_ps, parts
 
 
-def convolved(shape: Spread, light: Spread) -> Spread:
-    """Get a pulse (N,) after light (M,) as (N + M - 1,) float32, by Fourier transform; zero at both ends as ``shape``.
+def _by_spread(entry: int, shares: list[float], lates: Sequence[Late]) -> dict[tuple[Spread, int], float]:
+    """Light that is spread in one way each, from one entry on."""
+    sums = {AT_ONCE: 0.0}
+    for share, (at_once, spread) in zip(shares, lates, strict=True):
+        sums[AT_ONCE] += share * at_once
+        sums[spread] = sums.get(spread, 0.0) + share * (1 - at_once)
+    return {(spread, entry): share for spread, share in sums.items() if share > 0}
 
-    The ends are set to zero exactly: what the transform leaves there is rounding.
+
+def convolved(shape: Shape, spread: Spread) -> Shape:
+    """Get a pulse (N,) whose light is spread over K entries as (N + K - 1,) float32; zero at both ends as ``shape``.
+
+    The ends are set to zero exactly: what the Fourier transform leaves there is rounding.
     """
-    if len(light) == 1:
-        return np.asarray(shape * light[0], dtype=np.float32)
-    length = len(shape) + len(light) - 1
+    if len(spread.shares) == 1:
+        return np.asarray(shape * spread.shares[0], dtype=np.float32)
+    length = len(shape) + len(spread.shares) - 1
     padded = -(-length // LENGTHS) * LENGTHS
     product = np.fft.rfft(shape, padded)
-    product *= np.fft.rfft(light, padded)
+    product *= np.fft.rfft(spread.shares, padded)
     together = np.fft.irfft(product, padded)[:length].astype(np.float32)
     together[0] = together[-1] = 0.0
     return together

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.sim.physics.spread import Spread
+from picoradar.sim.physics.spread import Late
 
 
 class View(NamedTuple):
@@ -25,8 +25,8 @@ class View(NamedTuple):
         Point where the axis hits, scanner frame.
     angles_rad : (2,) array
         Of the mirrors.
-    spreads : N arrays, optional
-        How the light of each ray is spread in time.
+    lates : list of N Late, optional
+        How the light of each goes on arriving.
     """
 
     path_mm: NDArray[np.float64]
@@ -34,12 +34,12 @@ class View(NamedTuple):
     range_mm: float
     point_mm: NDArray[np.float64]
     angles_rad: NDArray[np.float64]
-    spreads: tuple[Spread, ...] | None
+    lates: list[Late] | None
 
     def seen_again(self, share: float, farther_mm: float) -> View:
         """Add a second path to all light: a share of it, that much farther."""
         return self._replace(
             path_mm=np.concatenate([self.path_mm, self.path_mm + farther_mm]),
             returned=np.concatenate([self.returned, share * self.returned]),
-            spreads=None if self.spreads is None else self.spreads + self.spreads,
+            lates=None if self.lates is None else self.lates + self.lates,
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from picoradar.sim.validation.bench import SAMPLES, SWEEPS, TIMES_PS, Bench, painted
+from picoradar.sim.validation.distance import overlap_cm
 from picoradar.sim.validation.figures import Check
 from picoradar.sim.validation.run import PARTS, SEED, validate
 
@@ -14,6 +15,7 @@ __all__ = [
     "TIMES_PS",
     "Bench",
     "Check",
+    "overlap_cm",
     "painted",
     "validate",
 ]

@@ -88,9 +88,9 @@ class Bench:
         trace_mv = (sums / sweeps - self.settings.code_of_zero) * self.settings.mv_per_code
         return trace_mv, self.optics.truth[key[:3]]
 
-    def interval_mm(self) -> tuple[float, Truth]:
+    def interval_mm(self, sweeps: int = SWEEPS) -> tuple[float, Truth]:
         """Measure half the light path between the 50 % points of reference and echo; NaN without an echo."""
-        trace_mv, truth = self.take()
+        trace_mv, truth = self.take(sweeps)
         reference_ps = half_maximum_ps(trace_mv, *REFERENCE_WINDOW_PS)
         if not np.isfinite(truth.range_mm):
             return float("nan"), truth

@@ -1,11 +1,20 @@
-"""`Check`: one value of the dissertation, the simulator's value, and whether it is within tolerance."""
+"""`Check`: one value of the dissertation, the simulator's value, its kind, and whether it is within tolerance."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+Kind = Literal["put in", "fitted", "predicted", "known difference"]
+KINDS: dict[Kind, str] = {
+    "put in": "a parameter, or holds by construction: shows that the code does what it says, not that it is right",
+    "fitted": "a parameter that the dissertation does not state was chosen so that this comes out",
+    "predicted": "comes out of the rest and could have failed",
+    "known difference": "comes out, and is not what the dissertation states; passes where it is as far off as is known",
+}
 
 
 @dataclass(frozen=True)
@@ -21,7 +30,11 @@ class Check:
     simulator : float
         Value of the simulator.
     low, high : float
-        Bounds within which it passes.
+        Bounds within which it passes; of a known difference those of the value that is known.
+    kind : str
+        One of `KINDS`.
+    reason : str
+        Why it differs, for a known difference.
     """
 
     name: str
@@ -29,6 +42,12 @@ class Check:
     simulator: float
     low: float
     high: float
+    kind: Kind
+    reason: str = ""
+
+    def __post_init__(self) -> None:
+        if (self.kind == "known difference") != bool(self.reason):
+            raise ValueError(f"{self.name}: a known difference needs a reason, and nothing else has one")
 
     @property
     def passed(self) -> bool:
@@ -43,6 +62,8 @@ class Check:
             "simulator": float(f"{self.simulator:.6g}") if abs(self.simulator) < float("inf") else None,
             "tolerance": f"{self.low:g} to {self.high:g}",
             "passed": bool(self.passed),
+            "kind": self.kind,
+            "reason": self.reason,
         }
 
 

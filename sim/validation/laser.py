@@ -8,8 +8,16 @@ from numpy.typing import NDArray
 
 from picoradar.sim.physics import FloatArray, LaserPulse, Transmitter
 from picoradar.sim.settings import SimulationSettings
-from picoradar.sim.validation.figures import Check, Part, axes
+from picoradar.sim.validation.figures import Check, Kind, Part, axes
 
+POWER_REASON = (
+    "the model's power follows the current with a slope of 2.7, the measured one with 0.6, within the "
+    "repeatability of a power meter; the energy noise of the shots (1.2 %) follows from the model's slope"
+)
+CURRENT_REASON = (
+    "the model keeps the charge of the capacitor, so that peak and width change by the same 0.4 %; "
+    "the stated peaks and widths make 1.3 % less charge at 80 kHz"
+)
 VOLTS = np.arange(240.0, 330.5, 1.0)
 DEGC = np.arange(17.0, 25.01, 0.05)
 CURRENT_PULSES = ((20e3, 19.64, 2.88, 2.41), (80e3, 19.72, 2.83, 2.39))  # rate, peak, FWHM and rise time of figure 2.7
@@ -41,52 +49,65 @@ def _pulse_checks(transmitter: Transmitter, exit_transmission: float) -> list[Ch
     weak = transmitter.misfire(240.0, 4500.0)
     mean_mw = fast.energy_pj * 1e-9 * 80e3 * exit_transmission
     return [
-        Check("peak power at 290 V, 23 degC, 80 kHz (W, section 2.6.1)", "128.2", fast.peak_w, 126.2, 130.2),
-        Check("peak power at 20 kHz (W, section 2.6.1)", "127.9", slow.peak_w, 125.9, 129.9),
-        Check("FWHM of the laser pulse (ps, fig 2.5)", "44", fast.fwhm_ps, 42, 46),
-        Check("rise time of the laser pulse (ps, section 2.3)", "32", fast.rise_ps, 30, 34),
-        Check("FWHM at low injection (ps, fig 2.5)", "637", weak.fwhm_ps, 617, 657),
-        Check("peak power at low injection (W, fig 2.5)", "a few", weak.peak_w, 1, 4),
-        Check("emission after the trigger (ns, section 2.3)", "about 4.5", fast.delay_ps / 1e3, 4.3, 4.7),
-        Check("mean optical power at the exit (mW, section 2.3)", "0.3", mean_mw, 0.28, 0.32),
+        Check("peak power at 290 V, 23 degC, 80 kHz (W, section 2.6.1)", "128.2", fast.peak_w, 126.2, 130.2, "fitted"),
+        Check(
+            "peak power at 80 kHz less that at 20 kHz (W, section 2.6.1)",
+            "0.3",
+            fast.peak_w - slow.peak_w,
+            1.2,
+            1.6,
+            "known difference",
+            POWER_REASON,
+        ),
+        Check("FWHM of the laser pulse (ps, fig 2.5)", "44", fast.fwhm_ps, 42, 46, "fitted"),
+        Check("rise time of the laser pulse (ps, section 2.3)", "32", fast.rise_ps, 30, 34, "predicted"),
+        Check("FWHM at low injection (ps, fig 2.5)", "637", weak.fwhm_ps, 617, 657, "put in"),
+        Check("peak power at low injection (W, fig 2.5)", "a few", weak.peak_w, 1, 4, "put in"),
+        Check("emission after the trigger (ns, section 2.3)", "about 4.5", fast.delay_ps / 1e3, 4.3, 4.7, "put in"),
+        Check("mean optical power at the exit (mW, section 2.3)", "0.3", mean_mw, 0.28, 0.32, "fitted"),
     ]
 
 
 def _voltage_checks(power_w: FloatArray, width_ps: FloatArray, rise_ps: FloatArray) -> list[Check]:
     step = (VOLTS >= 270) & (VOLTS <= 290)
+    rise_share, fall_share = _share(power_w, step), _share(width_ps, step)
     return [
-        Check("peak power at 240 V (W, fig 2.8)", "small", power_w[0], 0, 10),
-        Check("peak power at 330 V (W, fig 2.8)", "about 180", power_w[-1], 170, 190),
-        Check("rise of peak power 270-290 V, share of 240-330 V (fig 2.8)", "large", _share(power_w, step), 0.5, 1),
-        Check("fall of FWHM 270-290 V, share of 240-330 V (fig 2.9)", "abrupt", _share(width_ps, step), 0.5, 1),
-        Check("rise time at 250 V (ps, fig 2.10)", "80 at the most", float(rise_ps[10]), 30, 85),
-        Check("rise time at 330 V (ps, fig 2.10)", "30 or more", float(rise_ps[-1]), 29.5, 32),
+        Check("peak power at 240 V (W, fig 2.8)", "small", power_w[0], 0, 10, "fitted"),
+        Check("peak power at 330 V (W, fig 2.8)", "about 180", power_w[-1], 170, 190, "fitted"),
+        Check("rise of peak power 270-290 V, share of 240-330 V (fig 2.8)", "large", rise_share, 0.5, 1, "fitted"),
+        Check("fall of FWHM 270-290 V, share of 240-330 V (fig 2.9)", "abrupt", fall_share, 0.5, 1, "fitted"),
+        Check("rise time at 250 V (ps, fig 2.10)", "80 at the most", float(rise_ps[10]), 30, 85, "fitted"),
+        Check("rise time at 330 V (ps, fig 2.10)", "30 or more", float(rise_ps[-1]), 29.5, 32, "fitted"),
     ]
 
 
 def _temperature_checks(transmitter: Transmitter, power_w: FloatArray) -> list[Check]:
     best_degc, drop = float(DEGC[power_w.argmax()]), power_w[-1] / power_w.max()
     by_degree = -np.diff([transmitter.pulse(290.0, t).fwhm_ps for t in np.arange(17.0, 25.5)])
+    largest_at = float(17 + by_degree.argmax())
     return [
-        Check("best temperature at 290 V (degC, fig 2.11)", "23", best_degc, 22.5, 23.5),
-        Check("peak power at 25 degC over the best (fig 2.11)", "drops gradually", drop, 0.8, 1),
-        Check("largest fall of FWHM from (degC, fig 2.12)", "20", float(17 + by_degree.argmax()), 20, 20),
-        Check("smallest fall of FWHM (ps/degC, fig 2.12)", "falls continuously", by_degree.min(), 0, 100),
+        Check("best temperature at 290 V (degC, fig 2.11)", "23", best_degc, 22.5, 23.5, "fitted"),
+        Check("peak power at 25 degC over the best (fig 2.11)", "drops gradually", drop, 0.8, 0.995, "fitted"),
+        Check("largest fall of FWHM from (degC, fig 2.12)", "20", largest_at, 20, 20, "fitted"),
+        Check(
+            "smallest fall of FWHM (ps/degC, fig 2.12)", "falls continuously", by_degree.min(), 0.01, 100, "predicted"
+        ),
     ]
 
 
 def _current_checks(transmitter: Transmitter) -> list[Check]:
-    checks = []
-    for prf_hz, peak, fwhm, rise in CURRENT_PULSES:
-        current = transmitter.current(290.0, 23.0, prf_hz)
-        khz = f"{prf_hz / 1e3:.0f} kHz"
-        checks += [
-            Check(f"current peak at {khz} (A, fig 2.7)", f"{peak}", current.peak_a, peak - 0.05, peak + 0.05),
-            Check(f"current FWHM at {khz} (ns, fig 2.7)", f"{fwhm}", current.fwhm_ns, fwhm - 0.05, fwhm + 0.05),
-            Check(f"current rise time at {khz} (ns, fig 2.7)", f"{rise}", current.rise_ns, rise - 0.03, rise + 0.03),
-        ]
-    lag_ns = transmitter.current(290.0, 23.0, 80e3).delay_ns
-    return [*checks, Check("delay between the current pulses (ns, fig 2.7)", "0.2", lag_ns, 0.18, 0.22)]
+    slow, fast = (transmitter.current(290.0, 23.0, prf_hz) for prf_hz, *_ in CURRENT_PULSES)
+    narrower_ns, sooner_ns = slow.fwhm_ns - fast.fwhm_ns, slow.rise_ns - fast.rise_ns
+    other: tuple[Kind, str] = ("known difference", CURRENT_REASON)
+    return [
+        Check("current peak at 20 kHz (A, fig 2.7)", "19.64", slow.peak_a, 19.61, 19.67, "fitted"),
+        Check("current peak at 80 kHz (A, fig 2.7)", "19.72", fast.peak_a, 19.69, 19.75, "fitted"),
+        Check("current FWHM at 80 kHz (ns, fig 2.7)", "2.83", fast.fwhm_ns, 2.81, 2.85, "fitted"),
+        Check("current rise time at 80 kHz (ns, fig 2.7)", "2.39", fast.rise_ns, 2.38, 2.4, "put in"),
+        Check("current FWHM at 20 kHz less that at 80 kHz (ns, fig 2.7)", "0.05", narrower_ns, 0.010, 0.013, *other),
+        Check("current rise at 20 kHz less that at 80 kHz (ns, fig 2.7)", "0.02", sooner_ns, 0.008, 0.012, *other),
+        Check("delay between the current pulses (ns, fig 2.7)", "0.2", fast.delay_ns, 0.18, 0.22, "put in"),
+    ]
 
 
 def _pulse_picture(transmitter: Transmitter) -> Figure:

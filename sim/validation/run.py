@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TypedDict
 
 from picoradar.sim.validation.distance import distance
-from picoradar.sim.validation.figures import Check, Part
+from picoradar.sim.validation.figures import KINDS, Check, Part
 from picoradar.sim.validation.laser import laser
 from picoradar.sim.validation.prism import prism
 from picoradar.sim.validation.scanning import scanning
@@ -55,7 +55,8 @@ def validate(out_dir: str | Path, seed: int = SEED, progress: Callable[[str], No
     Returns
     -------
     dict
-        ``figures`` (list of dict: name, dissertation, simulator, tolerance, passed), ``passed``, ``report``.
+        ``figures`` (list of dict: name, dissertation, simulator, tolerance, passed, kind, reason), ``passed``,
+        ``report``.
     """
     folder = Path(out_dir)
     folder.mkdir(parents=True, exist_ok=True)
@@ -78,10 +79,19 @@ def validate(out_dir: str | Path, seed: int = SEED, progress: Callable[[str], No
 def _page(parts: dict[str, Part], seed: int) -> str:
     checks = [check for part in parts.values() for check in part.checks]
     passed = sum(check.passed for check in checks)
-    body = [f"<h1>Simulator against dissertation</h1><p>{passed} of {len(checks)} values pass; seed {seed}.</p>"]
+    body = [
+        f"<h1>Simulator against dissertation</h1><p>{passed} of {len(checks)} values pass; seed {seed}.</p>",
+        "<ul>",
+    ]
+    for kind, meaning in KINDS.items():
+        count = sum(check.kind == kind for check in checks)
+        body.append(f"<li><b>{kind}</b> ({count}): {html.escape(meaning)}</li>")
+    body.append("</ul>")
     for name, part in parts.items():
         rows = "".join(_row(check) for check in part.checks)
-        head = "<tr><th>Quantity</th><th>Dissertation</th><th>Simulator</th><th>Tolerance</th><th></th></tr>"
+        head = (
+            "<tr><th>Quantity</th><th>Dissertation</th><th>Simulator</th><th>Tolerance</th><th>Kind</th><th></th></tr>"
+        )
         body.append(f"<h2>{html.escape(name)}</h2><table>{head}{rows}</table>")
         pictures = "".join(
             f'<figure><img src="{stem}.png" alt="{html.escape(caption)}">'
@@ -97,5 +107,6 @@ def _page(parts: dict[str, Part], seed: int) -> str:
 
 def _row(check: Check) -> str:
     verdict = '<td class="pass">pass</td>' if check.passed else '<td class="fail">fail</td>'
-    cells = (check.name, check.dissertation, f"{check.simulator:.4g}", f"{check.low:g} to {check.high:g}")
+    kind = f"{check.kind}: {check.reason}" if check.reason else check.kind
+    cells = (check.name, check.dissertation, f"{check.simulator:.4g}", f"{check.low:g} to {check.high:g}", kind)
     return "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells) + verdict + "</tr>"

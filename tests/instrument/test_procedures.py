@@ -10,6 +10,7 @@ from scipy import stats
 
 from picoradar.instrument.calibration import Calibration, ScannerErrors, Walk, differences, out_of_date
 from picoradar.instrument.procedures import PROCEDURES
+from picoradar.instrument.procedures.current_pulse import current_finding, measured_current
 from picoradar.instrument.procedures.drift import allan_deviation, warm_after
 from picoradar.instrument.procedures.prism.body import distances, model_points
 from picoradar.instrument.procedures.station.certainty import (
@@ -62,6 +63,35 @@ def test_a_gaussian_light_pulse_is_measured() -> None:
     assert pulse.rise_ps == pytest.approx(0.7164 * 44.0, abs=0.5)
     assert pulse.energy_nj == pytest.approx(3.75)
     assert pulse.peak_w == pytest.approx(3.75e3 / 0.62 / (1.0645 * 44.0), rel=0.01)
+
+
+def current_light(scale: float = 1.0, start_ps: float = 0.0) -> Light:
+    """A pulse of 20 A with Gaussian flanks, 1.5 ns (sigma) up and 1 ns down, its peak at 5 ns, with noise of 0.01 A."""
+    times = start_ps + 10.0 * np.arange(1200)
+    sigma = np.where(times < 5000.0, 1500.0, 1000.0)
+    noise = np.random.default_rng(4).normal(0.0, 0.01, len(times))
+    trace = scale * 20.0 * np.exp(-0.5 * ((times - 5000.0) / sigma) ** 2) + noise
+    return Light(trace, times, 0.3, current_a=trace, current_times_ps=times)
+
+
+def test_a_current_pulse_is_measured() -> None:
+    pulse = measured_current(current_light(), 80e3)
+    assert pulse is not None
+    assert pulse.peak_a == pytest.approx(20.0, abs=0.02)
+    assert pulse.fwhm_ns == pytest.approx(np.sqrt(2 * np.log(2)) * (1.5 + 1.0), abs=0.01)
+    rise = np.sqrt(-2 * np.log(0.1)) - np.sqrt(-2 * np.log(0.9))
+    assert pulse.rise_ns == pytest.approx(1.5 * rise, abs=0.02)
+    assert pulse.half_ns == pytest.approx(5.0 - 1.5 * np.sqrt(2 * np.log(2)), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    "light",
+    [Light(np.ones(3), np.arange(3.0), 0.3), current_light(scale=0.0), current_light(start_ps=4500.0)],
+    ids=["not wired", "no pulse", "half of it outside"],
+)
+def test_what_is_no_whole_current_pulse_is_not_measured(light: Light) -> None:
+    assert measured_current(light, 80e3) is None
+    assert "was not measured" in current_finding([])
 
 
 def test_distances_from_the_prism() -> None:

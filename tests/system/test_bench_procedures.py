@@ -28,6 +28,8 @@ from picoradar.instrument.procedures.prism import procedure as prism
 from picoradar.instrument.procedures.scanner import procedure as scanner
 from picoradar.instrument.procedures.station import Outcome, Placing, Radar, Station, write_outcome
 from picoradar.instrument.settings import Settings, override
+from picoradar.sim.physics import Transmitter
+from picoradar.sim.settings import SimulationSettings
 from picoradar.sim.wires import Acquisition
 
 DATE = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
@@ -125,6 +127,8 @@ def test_the_reference_takes_the_drift_out(station: Station) -> None:
     assert float(outcome.figures["largest_without_reference_mm"] or 0) > 5 * float(
         outcome.figures["largest_with_reference_mm"] or 9
     )
+    assert float(outcome.figures["reference_once_largest_in_18_min_mm"] or 0) > 0.5
+    assert any("a reference taken once" in found for found in outcome.findings)
 
 
 def test_templates_scatter_less_than_half_maxima(station: Station) -> None:
@@ -140,6 +144,20 @@ def test_the_working_point_of_the_transmitter_is_found(station: Station) -> None
     assert outcome.figures["working_drive_v"] == 290.0
     assert float(outcome.figures["fwhm_ps"] or 0) == pytest.approx(44, abs=1.5)
     assert station.controller.settings.pulser.drive_v == station.settings.pulser.drive_v
+
+
+def test_the_current_pulse_is_measured_across_its_resistor(station: Station, bench: Session) -> None:
+    """At both rates as figure 2.7; truth from the simulated transmitter (290 V, 23 degC)."""
+    outcome = SMALL["transmitter"](station)
+    assert bench.simulated is not None
+    current = Transmitter(SimulationSettings()).current
+    names = ("peak_a", "fwhm_ns", "rise_ns")
+    for khz in (20, 80):
+        truth = current(290.0, 23.0, khz * 1e3)
+        found = [float(outcome.figures[f"current_{name}_at_{khz}_khz"] or 0) for name in names]
+        assert found == pytest.approx([truth.peak_a, truth.fwhm_ns, truth.rise_ns], rel=0.004)
+    assert float(outcome.figures["current_delay_ns"] or 0) == pytest.approx(0.2, abs=0.02)
+    assert "current" in {plot.name for plot in outcome.plots}
 
 
 def test_the_calibration_that_ships_fits_the_simulator(station: Station) -> None:
@@ -248,6 +266,9 @@ class WrongMeters:
         record: Record = self._meters.trace(sweep)
         dark = np.full_like(record.sums, round(record.zero_code * record.sweeps))
         return replace(record, sums=dark) if self._dark_every and self._traces % self._dark_every == 0 else record
+
+    def current(self, sweep: SweepSettings) -> tuple[Record, float] | None:
+        return self._meters.current(sweep)  # type: ignore[no-any-return]
 
     def mean_power_mw(self, where: str, wait: Any) -> float:
         self._powers += 1

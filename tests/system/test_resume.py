@@ -122,9 +122,7 @@ def test_a_scan_in_windows_goes_on_to_the_same_bytes(
     world: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Each line is planned from those before: what was known of them is in the recording."""
-    chosen = tmp_path / "world.toml"
-    chosen.write_text(f'[simulation]\nworld = "{world}"\n', encoding="utf-8")
-    scan = ("scan", "--settings", str(chosen), "--grid", "8x6", "--mode", "window", "--seed", "4", "--json")
+    scan = ("scan", "--world", world, "--grid", "8x6", "--mode", "window", "--seed", "4", "--json")
     fault = tmp_path / "lid.json"
     fault.write_text(json.dumps({"fault": [{"kind": "interlock_opened", "at": {"pulse": 6000}}]}), encoding="utf-8")
     paths = tmp_path / "whole.db", tmp_path / "broken.db"

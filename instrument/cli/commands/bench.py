@@ -31,6 +31,7 @@ def bench(
     name: Annotated[str, typer.Argument(help="Procedure: " + ", ".join(NAMES) + ".")],
     settings: options.SettingsFile = None,
     seed: options.Seed = None,
+    world: options.World = None,
     averages: options.Averages = None,
     speed: options.Speed = "max",
     faults: options.Faults = None,
@@ -53,7 +54,8 @@ def bench(
     if name not in PROCEDURES:
         raise BadInput(f"bench {name!r}: no such procedure; there are {', '.join(PROCEDURES)}")
     stamp = _date(date)
-    wanted = _settings(settings, seed, averages, hidden_errors=hidden_errors)
+    given = options.ScanOptions(seed=seed, world=world, averages=averages)
+    wanted = _settings(settings, given, hidden_errors=hidden_errors)
     folder = out or Path(f"picoradar-{name}")
     make_folder(folder, "give another report folder with --out", exist_ok=False)
     try:
@@ -83,11 +85,11 @@ def bench(
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
 
 
-def _settings(file: Path | None, seed: int | None, averages: int | None, *, hidden_errors: bool) -> Settings:
+def _settings(file: Path | None, given: options.ScanOptions, *, hidden_errors: bool) -> Settings:
     from picoradar.instrument.cli.stages import with_hidden_errors
 
-    target = "plate" if file is None else None
-    wanted = options.scan_settings(file, seed=seed, target=target, averages=averages, mode="sweep")  # whole traces
+    whole: options.ScanOptions = {**given, "target": "plate" if file is None else None, "mode": "sweep"}
+    wanted = options.scan_settings(file, **whole)
     return with_hidden_errors(wanted) if hidden_errors else wanted
 
 

@@ -25,6 +25,7 @@ def add_to(app: typer.Typer) -> None:
 def scan(
     settings: options.SettingsFile = None,
     target: options.Target = None,
+    world: options.World = None,
     target_pose: options.TargetPose = None,
     distance_mm: options.DistanceMm = None,
     grid: options.Grid = None,
@@ -48,6 +49,7 @@ def scan(
         settings,
         seed=seed,
         target=target,
+        world=world,
         target_pose=target_pose,
         distance_mm=distance_mm,
         grid=grid,

@@ -33,6 +33,7 @@ def add_to(app: typer.Typer) -> None:
 def sim(
     settings: options.SettingsFile = None,
     target: options.Target = None,
+    world: options.World = None,
     target_pose: options.TargetPose = None,
     distance_mm: options.DistanceMm = None,
     seed: options.Seed = None,
@@ -48,7 +49,9 @@ def sim(
     from picoradar.instrument.settings import to_toml
 
     factor = served_speed(speed)
-    wanted = options.scan_settings(settings, seed=seed, target=target, target_pose=target_pose, distance_mm=distance_mm)
+    wanted = options.scan_settings(
+        settings, seed=seed, target=target, world=world, target_pose=target_pose, distance_mm=distance_mm
+    )
     if wanted.bench != "simulated":
         raise BadInput('sim serves the simulated bench; this settings file has real devices (bench = "devices")')
     with ExitStack() as stack:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -42,14 +43,17 @@ def validate(
     if json:
         output.print_json(result)
     else:
-        output.print_table(
-            "simulator against dissertation",
-            {
-                f"{'ok  ' if figure['passed'] else 'FAIL'} {figure['name']}": f"{figure['simulator']} "
-                f"(dissertation {figure['dissertation']}, {figure['tolerance']})"
-                for figure in result["figures"]
-            },
-        )
+        output.print_table("simulator against dissertation", dict(_row(figure) for figure in result["figures"]))
+        for figure in result["figures"]:
+            if figure["reason"]:
+                output.console().print(f"{figure['name']}: {figure['reason']}.")
         output.console().print(f"report: {result['report']}")
     if not result["passed"]:
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
+
+
+def _row(figure: Mapping[str, object]) -> tuple[str, str]:
+    """Name and value of one figure, as a line of the table."""
+    verdict = "FAIL" if not figure["passed"] else "DIFF" if figure["reason"] else "ok  "
+    value = f"{figure['simulator']} (dissertation {figure['dissertation']}, {figure['tolerance']}; {figure['kind']})"
+    return f"{verdict} {figure['name']}", value

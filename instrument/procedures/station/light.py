@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -19,11 +19,14 @@ from picoradar.instrument.line import ScanLine
 FloatArray = NDArray[np.float64]
 Wait = Callable[[Callable[[], bool]], None]
 POLL_S = 0.5  # from one poll of the interlocks to the next while a meter is read with the laser on
+CURRENT_SWEEP = SweepSettings(  # 12 ns, as figure 2.7
+    start_ps=0.0, step_ps=10.0, samples=1200, averages=64, settle_shots=0, prf_hz=20_000.0
+)
 SWEEP = SweepSettings(start_ps=3000.0, step_ps=2.5, samples=1400, averages=64, settle_shots=0, prf_hz=20_000.0)
 
 
 class LightMeters(Protocol):
-    """A fast photodetector on an oscilloscope, and a power meter at the exit."""
+    """A fast photodetector and the laser's current on an oscilloscope, and a power meter at the exit."""
 
     def open(self) -> None:
         """Open the oscilloscope."""
@@ -34,27 +37,38 @@ class LightMeters(Protocol):
     def trace(self, sweep: SweepSettings) -> Record:
         """Take one averaged trace of the laser pulse."""
 
+    def current(self, sweep: SweepSettings) -> tuple[Record, float] | None:
+        """Take one averaged trace of the current pulse, and its mV for each ampere; None where it is not wired."""
+
     def mean_power_mw(self, where: str, wait: Wait) -> float:
         """Read the power meter at the working point ``where``; ``wait`` lets time pass until a condition holds."""
 
 
 @dataclass(frozen=True)
 class Light:
-    """What the meters saw: trace (S,) in mV less its zero, times (S,) in ps, mean power."""
+    """What the meters saw: trace (S,) in mV less its zero, times (S,) in ps, mean power.
+
+    Where it was asked for and is wired, also the laser's current (T,) in A at its own times (T,) in ps.
+    """
 
     trace_mv: FloatArray
     times_ps: FloatArray
     mean_power_mw: float
+    current_a: FloatArray | None = None
+    current_times_ps: FloatArray | None = None
 
 
 class LightJob:
-    """One line without points: with the laser on, one trace and one reading of the power."""
+    """One line without points: with the laser on, one trace and one reading of the power; and the current if asked."""
 
-    def __init__(self, meters: LightMeters, sweep: SweepSettings, where: str, clock: Clock) -> None:
+    def __init__(
+        self, meters: LightMeters, sweep: SweepSettings, where: str, clock: Clock, *, with_current: bool = False
+    ) -> None:
         self._meters = meters
         self._sweep = sweep
         self._where = where
         self._clock = clock
+        self._with_current = with_current
         self.light: Light | None = None
 
     @property
@@ -106,7 +120,11 @@ class LightJob:
                 between()
 
         power_mw = self._meters.mean_power_mw(self._where, wait)
-        self.light = Light(record.trace.mv, np.asarray(record.times_ps), power_mw)
+        between()
+        asked = replace(CURRENT_SWEEP, prf_hz=self._sweep.prf_hz)
+        seen = self._meters.current(asked) if self._with_current else None
+        current = () if seen is None else (seen[0].trace.mv / seen[1], np.asarray(seen[0].times_ps))
+        self.light = Light(record.trace.mv, np.asarray(record.times_ps), power_mw, *current)
         nothing = np.empty(0)
         return ScanLine(
             index=row,

@@ -40,6 +40,8 @@ class OscilloscopeFirmware(UsbtmcFirmware):
         Signal at its channel 1, in codes of `MV_PER_CODE` with `ZERO_CODE` at 0 V.
     detector : SignalSource, optional
         Signal at its channel 2, in the same codes; without one it has no channel 2.
+    current : SignalSource, optional
+        Likewise at its channel 3.
     gate_open : callable
         Whether triggers reach the laser.
     serial_number : str
@@ -52,10 +54,12 @@ class OscilloscopeFirmware(UsbtmcFirmware):
         source: SignalSource,
         *,
         detector: SignalSource | None = None,
+        current: SignalSource | None = None,
         gate_open: Callable[[], bool] = lambda: True,
         serial_number: str = "SO-0001",
     ) -> None:
-        sources = {"CHAN1": source} if detector is None else {"CHAN1": source, "CHAN2": detector}
+        wired = {"CHAN1": source, "CHAN2": detector, "CHAN3": current}
+        sources = {channel: signal for channel, signal in wired.items() if signal is not None}
         instrument = Scope(clock, trigger, sources, gate_open, serial_number)
         super().__init__(instrument, tmc_descriptors(VENDOR_ID, PRODUCT_ID, ("picoradar", MODEL, serial_number)))
 

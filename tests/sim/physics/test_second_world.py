@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from picoradar.sim.physics import Noise
 from picoradar.sim.physics.device_time import DeviceTime
-from picoradar.sim.physics.flicker import Flicker
+from picoradar.sim.physics.footprint import waisted
 from picoradar.sim.physics.interference import Interference
 from picoradar.sim.physics.pointing import TONES_HZ, Pointing
 from picoradar.sim.physics.receiver import Receiver
@@ -61,21 +61,37 @@ def test_hum_averages_over_sweeps_as_its_phases_do():
 
 
 def test_flicker_has_the_stated_rms_and_falls_as_one_over_f():
-    flicker = Flicker(Noise(5), 0.3)
     shots = 2**16
-    series = np.array([flicker.of_run((run, 0), 0, shots, PRF_HZ) for run in range(60)])
+    interference = Interference(SimulationSettings(flicker_mv=0.3), Noise(5))
+    series = np.zeros((60, 1, shots), dtype=np.float32)
+    for run, signal_mv in enumerate(series):
+        interference.add(signal_mv, window(run, samples=shots, sweeps=1), 0)
+    series = series[:, 0]
     assert series.std() == pytest.approx(0.3, rel=0.05)
     power = (np.abs(np.fft.rfft(series)) ** 2).mean(axis=0)
     frequency = np.fft.rfftfreq(shots, 1 / PRF_HZ)
     octaves = [power[(frequency >= f) & (frequency < 2 * f)].sum() for f in 12.5 * 2.0 ** np.arange(7)]
     assert max(octaves) / min(octaves) < 1.25  # equal power in each octave is a density of 1/f
+    upper = power[(frequency >= 10e3) & (frequency < 20e3)].sum()
+    assert upper < 0.15 * np.mean(octaves)  # as settings and docs say: 1/f to 2 kHz, none at 20 kHz
     assert power[frequency > 20e3].sum() < 0.01 * power[1:].sum()
 
 
 def test_flicker_is_the_same_whenever_it_is_read():
-    whole = Flicker(Noise(5), 0.3).of_run((7, 0), 0, 40000, PRF_HZ)
-    part = Flicker(Noise(5), 0.3).of_run((7, 0), 31234, 500, PRF_HZ)
-    np.testing.assert_allclose(part, whole[31234:31734], atol=1e-6)
+    whole = added(window(7, samples=40000, sweeps=1), flicker_mv=0.3)[0]
+    part = added(window(7, samples=500, sweeps=1), first_shot=31234, flicker_mv=0.3)[0]
+    np.testing.assert_array_equal(part, whole[31234:31734])
+    other = added(window(8, samples=40000, sweeps=1), flicker_mv=0.3)[0]
+    assert abs(np.corrcoef(whole, other)[0, 1]) < 0.9
+
+
+def test_hum_and_flicker_go_on_where_their_loop_closes():
+    """A run of 30 s reads the loop of 12.8 s more than twice: no step where it closes, and the same again after it."""
+    shots, loop = round(30 * PRF_HZ), round(12.8 * PRF_HZ)
+    read = added(window(samples=shots, sweeps=1), hum_mv=0.1, flicker_mv=0.1)[0]
+    np.testing.assert_array_equal(read[loop : 2 * loop], read[:loop])
+    steps = np.diff(read)
+    assert np.abs(steps).max() < 6.5 * steps.std()  # Gaussian; an open loop would jump by ten
 
 
 def test_pickup_stands_still_in_the_trace():
@@ -163,13 +179,13 @@ def test_an_aged_pulse_has_a_longer_tail_and_the_same_edge():
 
 
 def test_a_spot_out_of_focus_grows(make_bench):
-    """On a wall at 63 deg (slope 2) the ring's rays spread along the beam as the spot does."""
+    """On a wall at 63 deg (slope 2) the rays spread along the beam as the spot does, by its second moment."""
     widths = []
     for focus_mm in (0.0, 900.0, 600.0):
         pose = (0.0, 0.0, 900.0, 0.0, 63.43, 0.0)
         bench = make_bench(target_pose=pose, focus_mm=focus_mm, spot_diameter_mm=1.0, **NO_DRIFT)
         view = bench.optics._view(window_seen(bench))
-        widths.append(np.ptp(view.path_mm))
+        widths.append(np.std(view.path_mm))
     assert widths[1] == pytest.approx(widths[0], rel=0.01)
     assert widths[2] / widths[0] == pytest.approx(np.hypot(1.0, 2e-3 * 330.0), rel=0.03)
 
@@ -227,3 +243,18 @@ def test_a_window_that_is_taken_again_has_the_hum_of_its_first_time(make_bench):
     first = optics.acquire(window(1, 1, start_s=0.2))
     np.testing.assert_array_equal(optics.acquire(window(1, 1, start_s=1.4345)), first)
     assert not np.array_equal(optics.acquire(window(1, 1, start_s=71.4345)), first)  # a minute later: as of that time
+
+
+@pytest.mark.parametrize("beyond_mm", [-400.0, 0.0, 250.0, 800.0])
+def test_skew_rays_have_the_second_moments_of_the_spot_at_any_distance(beyond_mm):
+    direction = np.array([0.1, -0.2, np.sqrt(0.95)])
+    origins, directions = waisted(np.array([1.0, 2.0, 3.0]), direction, 1.0, 900.0, 2.0)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=1e-12)
+    plane_mm = 900.0 + beyond_mm
+    reach = (plane_mm - (origins - origins[0]) @ direction) / (directions @ direction)
+    spot = origins + reach[:, None] * directions
+    off = spot - spot[0]
+    assert np.abs(off @ direction).max() < 1e-9
+    diameter = np.hypot(1.0, 2e-3 * beyond_mm)
+    moments = np.linalg.eigvalsh(off.T @ off / len(off))[1:]  # of a Gaussian spot: d^2 / 16 on each axis
+    np.testing.assert_allclose(moments, diameter**2 / 16, rtol=1e-6)

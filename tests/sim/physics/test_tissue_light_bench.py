@@ -7,7 +7,7 @@ import pytest
 from pydantic import ValidationError
 
 from picoradar.sim.physics import Noise, Receiver, build_scene
-from picoradar.sim.physics.spread import arriving, convolved
+from picoradar.sim.physics.spread import AT_ONCE, Late, Spread, convolved, placed
 from picoradar.sim.settings import SimulationSettings
 
 STRAIGHT = (0.0, 0.0, 900.0, 0.0, 0.0, 0.0)
@@ -82,31 +82,51 @@ def test_the_echo_keeps_its_energy(make_bench):
     late = np.exp(-np.arange(400) / 60.0).astype(np.float32)
     late /= late.sum()
     (plain,) = receiver.pulses(arrivals, charges, 44.0)
-    (spread,) = receiver.pulses(arrivals, charges, 44.0, (late,))
+    (spread,) = receiver.pulses(arrivals, charges, 44.0, [Late(0.0, Spread(late))])
     assert spread.shape.sum(dtype=float) == pytest.approx(plain.shape.sum(dtype=float), rel=1e-3)
     assert 0.85 * plain.response_mv < spread.response_mv < 0.999 * plain.response_mv
     delay = [np.arange(len(p.shape)) @ p.shape.astype(float) / p.shape.sum(dtype=float) for p in (plain, spread)]
     assert delay[1] - delay[0] == pytest.approx(np.arange(400) @ late, abs=0.2)
 
 
+def test_the_walk_goes_by_the_peak_of_the_spread_echo():
+    """An echo of 19.5 mV without the tissue has 13.8 mV with it, and so the slow rise of a weaker echo."""
+    receiver, arrivals = Receiver(SimulationSettings(saturation_mv=1e4)), np.zeros(1)
+    late = np.exp(-np.arange(1500) / 300.0).astype(np.float32)
+    spread = Spread(late / late.sum())
+    charges = np.array([220.0])
+    (plain,) = receiver.pulses(arrivals, charges, 44.0)
+    (found,) = receiver.pulses(arrivals, charges, 44.0, [Late(0.0, spread)])
+    fast = convolved(plain.shape, spread)
+    (weak,) = receiver.pulses(arrivals, charges * float(fast.max()) / plain.response_mv, 44.0)
+    slow = convolved(weak.shape, spread) * (plain.response_mv / float(fast.max()))
+    np.testing.assert_allclose(found.shape, slow, atol=2e-3 * found.response_mv)
+    assert np.abs(found.shape - fast).max() > 0.02 * found.response_mv
+
+
 def test_light_at_once_changes_nothing():
     """Rays whose light all comes at once give the pulse of rays without a response, wherever they lie."""
-    receiver, once = Receiver(SimulationSettings()), np.ones(1, dtype=np.float32)
+    receiver = Receiver(SimulationSettings())
     for arrivals in ([0.0, 3.0, 1.0], [40.0, 0.0, 90.3], [0.0, 500.0, 520.0]):
         charges = np.array([300.0, 0.0, 200.0])
         plain = receiver.pulses(np.array(arrivals), charges, 44.0)
-        spread = receiver.pulses(np.array(arrivals), charges, 44.0, (once,) * 3)
+        spread = receiver.pulses(np.array(arrivals), charges, 44.0, [Late(0.25, AT_ONCE)] * 3)
         for a, b in zip(plain, spread, strict=True):
             assert b.begin_ps == pytest.approx(a.begin_ps)
-            np.testing.assert_allclose(b.shape[: len(a.shape)], a.shape, atol=2e-5 * a.response_mv)
+            np.testing.assert_allclose(b.shape[: len(a.shape)], a.shape, atol=2e-4 * a.response_mv)
 
 
-def test_parts_keep_their_own_responses():
-    first, second = (np.full(n, 1 / n, dtype=np.float32) for n in (3, 50))
-    start, light = arriving(np.array([10.0, 30.5]), np.array([0.25, 0.75]), (first, second))
-    mean = start + np.arange(len(light)) @ light.astype(float)
-    assert light.sum() == pytest.approx(1.0, abs=1e-6)
-    assert mean == pytest.approx(0.25 * (10 + 1) + 0.75 * (30.5 + 24.5), abs=1e-4)
+def test_light_keeps_its_spread_and_mean_arrival_on_the_grid():
+    first, second = (Spread(np.full(n, 1 / n, dtype=np.float32)) for n in (3, 50))
+    lates = [Late(0.0, first), Late(0.2, second), Late(0.2, second)]
+    start, parts = placed(np.array([10.0, 30.5, 33.0]), np.array([0.25, 0.5, 0.25]), lates)
+    share, sums = (dict.fromkeys((AT_ONCE, first, second), 0.0) for _ in range(2))
+    for (spread, entry), part in parts.items():
+        share[spread] += part
+        sums[spread] += part * (start + entry)
+    rest = 0.5 * 30.5 + 0.25 * 33.0
+    assert list(share.values()) == pytest.approx([0.15, 0.25, 0.6])
+    assert list(sums.values()) == pytest.approx([0.2 * rest, 0.25 * 10.0, 0.8 * rest])
 
 
 def test_convolution_is_that_of_the_sums():
@@ -114,7 +134,7 @@ def test_convolution_is_that_of_the_sums():
     shape, light = rng.random(300).astype(np.float32), rng.random(70).astype(np.float32)
     expected = np.convolve(shape.astype(float), light.astype(float))
     expected[[0, -1]] = 0.0
-    np.testing.assert_allclose(convolved(shape, light), expected, rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(convolved(shape, Spread(light)), expected, rtol=1e-4, atol=1e-3)
 
 
 def test_off_ignores_every_setting_of_light_in_tissue(make_bench):
