@@ -38,6 +38,7 @@ def demo(
     prf_hz: options.PrfHz = None,
     mode: options.Mode = None,
     estimator: options.Estimator = None,
+    material: options.Material = None,
     method: Annotated[str, typer.Option(help="Registration: robust or dissertation.")] = "robust",
     tolerance: registering.ToleranceOption = None,
     speed: options.Speed = "max",
@@ -63,6 +64,7 @@ def demo(
         prf_hz=prf_hz,
         mode=mode,
         estimator=estimator,
+        material=material,
     )
     _refuse_other_jobs(wanted)
     chosen, allowed = registering.checked_method(method), registering.parse_tolerance(tolerance)
