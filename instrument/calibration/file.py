@@ -43,7 +43,9 @@ class Calibration(Part):
     diode_degc: float | None = Field(None, description="temperature of the laser diode while it was measured, degC")
 
     range_zero_mm: float = Field(0.0, description="range at zero interval between the two time-significant points, mm")
-    range_zero_sd_mm: float | None = Field(None, ge=0, le=100, description="its standard deviation, mm; none: not known")
+    range_zero_sd_mm: float | None = Field(
+        None, ge=0, le=100, description="its standard deviation, mm; none: not known"
+    )
     materials: dict[str, dict[Ranging, Material]] = Field(
         default_factory=dict, description="range error on each material that was measured, for each way of ranging"
     )

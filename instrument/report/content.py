@@ -111,8 +111,7 @@ def _facts_of_registration(registered: RegisteredScan) -> list[tuple[str, str]]:
     found += [
         (
             f"predicted error at {target.name}",
-            f"{number(target.rms_mm, 'mm')} rms, {number(target.p95_mm, 'mm')} in 95 %, "
-            f"{_common(target)}",
+            f"{number(target.rms_mm, 'mm')} rms, {number(target.p95_mm, 'mm')} in 95 %, {_common(target)}",
         )
         for target in registration.targets
     ]
@@ -148,7 +147,7 @@ def flag_counts(cloud: Cloud) -> str:
 
 def worst_target(registration: Registration) -> Target | None:
     """Return the target with the largest predicted error."""
-    return max(registration.targets, key=lambda target: target.p95_mm, default=None)
+    return max(registration.targets, key=lambda t: t.p95_mm if math.isnan(t.stated_mm) else t.stated_mm, default=None)
 
 
 def number(value: float, unit: str) -> str:

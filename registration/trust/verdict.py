@@ -9,7 +9,6 @@ from picoradar.registration.solution import Rival
 from picoradar.registration.trust.covariance import Target
 from picoradar.registration.trust.result import Verdict
 
-
 UNKNOWN_RANGE_ERROR = (
     "How far all ranges are off together was never measured on this material, and it leaves no trace in the "
     "residuals: bone reads millimetres too far. Measure it on a sample (picoradar bench penetration --material bone), "

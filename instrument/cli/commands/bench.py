@@ -25,7 +25,8 @@ NAMES = ("transmitter", "distance", "gray-target", "templates", "scanner", "geom
 def add_to(app: typer.Typer) -> None:
     """Register the subcommand."""
     app.command(
-        epilog="Examples: picoradar bench gray-target --out gray\n\npicoradar bench prism --settings bench.toml --json\n\n"
+        epilog="Examples: picoradar bench gray-target --out gray\n\n"
+        "picoradar bench prism --settings bench.toml --json\n\n"
         "picoradar bench penetration --material bone --coat-mm 0.1 --out penetration"
     )(bench)
 

@@ -91,9 +91,7 @@ def read_points(path: str | os.PathLike[str]) -> PointFile:
 def _from_recording(file: Path) -> PointFile:
     with Recording.open(file) as recording:
         cloud, range_bias_mm = recording.cloud().with_range(), recording.range_error.get("sd_mm")
-    return PointFile(
-        cloud.points_mm, np.zeros(3), cloud.covariance_mm2, cloud.response_mv, cloud.grid, range_bias_mm
-    )
+    return PointFile(cloud.points_mm, np.zeros(3), cloud.covariance_mm2, cloud.response_mv, cloud.grid, range_bias_mm)
 
 
 def _from_file(file: Path) -> PointFile:

@@ -7,6 +7,7 @@ a bias of its own and is measured by itself.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping
 
@@ -85,7 +86,9 @@ def run(station: Station, *, material: str = MATERIAL, coat_mm: float = COAT_MM)
     piece = Piece(material, coat_mm, poses)
     entries = {ranging: _material(station, piece, ranging) for ranging in poses[TILTS_DEG[0]]}
     if (least := min(entry.bias_mm for entry in entries.values())) < TURNED_MM:
-        return refused(NAME, f"The bare half reads {-least:.2f} mm nearer than paint: the halves are exchanged.", REMEDY)
+        return refused(
+            NAME, f"The bare half reads {-least:.2f} mm nearer than paint: the halves are exchanged.", REMEDY
+        )
     before = station.calibration
     materials = {**before.materials, material: entries}
     after = type(before).model_validate(before.model_copy(update={"materials": materials}).model_dump())
@@ -95,17 +98,20 @@ def run(station: Station, *, material: str = MATERIAL, coat_mm: float = COAT_MM)
 def _measured(station: Station, tilt_deg: float) -> dict[Ranging, Cloud]:
     """Scan the piece in each way that the radar can range; all points, also those without a range."""
     name, calibration = f"tilt-{tilt_deg:02.0f}", station.calibration
-    raster = {
-        "rows": 1 + 2 * round(HALF_WIDTH_MM * math.cos(math.radians(tilt_deg)) / STEP_MM),
-        "columns": 1 + 2 * round(HALF_LENGTH_MM / STEP_MM),
-    }
-    sweep = station.scan(name, **raster, step_mm=STEP_MM, distance_mm=DISTANCE_MM, averages=AVERAGES)
+    scan = functools.partial(
+        station.scan,
+        rows=1 + 2 * round(HALF_WIDTH_MM * math.cos(math.radians(tilt_deg)) / STEP_MM),
+        columns=1 + 2 * round(HALF_LENGTH_MM / STEP_MM),
+        step_mm=STEP_MM,
+        distance_mm=DISTANCE_MM,
+        averages=AVERAGES,
+    )
+    sweep = scan(name)
     found: dict[Ranging, Cloud] = {"half-maximum": sweep.reprocessed("half-maximum", calibration)}
     if calibration.templates is not None:
         found["template"] = sweep.reprocessed("template", calibration)
     if calibration.templates is not None and station.has_windows:
-        windows = station.scan(f"{name}-window", **raster, step_mm=STEP_MM, distance_mm=DISTANCE_MM, in_windows=True)
-        found["window"] = windows.cloud
+        found["window"] = scan(f"{name}-window", in_windows=True).cloud
     return found
 
 
@@ -142,9 +148,7 @@ def _material(station: Station, piece: Piece, ranging: Ranging) -> Material:
     biases = piece.biases_mm(ranging)
     bias_mm = float(np.mean(biases))
     readings_mm = float(np.mean([steps[ranging].sd_mm for steps in piece.poses.values()]))  # one piece: no better by 3
-    sample_sd_mm = math.hypot(
-        readings_mm, float(np.std(biases)), COAT_THICKNESS_SD_MM, COAT_BIAS_SD_MM, WALK_SD_MM
-    )
+    sample_sd_mm = math.hypot(readings_mm, float(np.std(biases)), COAT_THICKNESS_SD_MM, COAT_BIAS_SD_MM, WALK_SD_MM)
     share = math.sqrt(2.0) * SPREAD.get(piece.material, OTHER_SPREAD)
     how = f"bench procedure {NAME}: half painted piece, paint {piece.coat_mm:g} mm, {len(biases)} tilts up to"
     how += f" {TILTS_DEG[-1]:g} deg at {DISTANCE_MM:g} mm, {station.stage}; another piece differs by {share:.0%}"

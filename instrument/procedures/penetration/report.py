@@ -83,7 +83,9 @@ def _findings(material: str, entries: Mapping[Ranging, Material], shown: Materia
         f"{shown.transfer_sd_mm:.2f} mm come to that (standard deviations).",
     ]
     if abs(shown.bias_mm) < 2.0 * shown.sample_sd_mm:
-        found.append("No light was seen to enter it: nothing has to be taken off, and nothing is lost on another piece.")
+        found.append(
+            "No light was seen to enter it: nothing has to be taken off, and nothing is lost on another piece."
+        )
     if not passed:
         found.append(f"More than {SAMPLE_SD_LIMIT_MM:g} mm for the piece itself is too uncertain.")
     return found
