@@ -57,19 +57,11 @@ def bench(
     """Calibrate the radar or test its accuracy; write a report folder, and a calibration where one results."""
     from picoradar.instrument.cli import session
     from picoradar.instrument.cli.simulated import checked_simulation
-    from picoradar.instrument.procedures import PROCEDURES
     from picoradar.instrument.procedures.station import write_outcome
 
-    if name not in PROCEDURES:
-        raise BadInput(f"bench {name!r}: no such procedure; there are {', '.join(PROCEDURES)}")
     stamp = _date(date)
     wanted = _settings(settings, seed, averages, hidden_errors=hidden_errors)
-    if name == "penetration":
-        wanted, procedure = _of_piece(wanted, material, coat_mm)
-    elif material is not None or coat_mm is not None:
-        raise BadInput(f"bench {name}: --material and --coat-mm are for the half painted piece of penetration")
-    else:
-        procedure = PROCEDURES[name]
+    wanted, procedure = _chosen(name, wanted, material, coat_mm)
     folder = out or Path(f"picoradar-{name}")
     make_folder(folder, "give another report folder with --out", exist_ok=False)
     try:
@@ -119,16 +111,30 @@ def _date(text: str | None) -> datetime.datetime | None:
     return date
 
 
-def _of_piece(
-    settings: Settings, material: str | None, coat_mm: float | None
+def _chosen(
+    name: str, settings: Settings, material: str | None, coat_mm: float | None
 ) -> tuple[Settings, Callable[[Station], Outcome]]:
-    """Return settings and procedure for a half painted piece; the simulated bench puts up one of that material.
+    """Return settings and procedure of a name; for a half painted piece the simulated bench puts up one as described.
 
     Raises
     ------
     BadInput
-        When there is no such piece, or nobody has said how thick the paint on a real one is.
+        When there is no such procedure or piece, or nobody has said how thick the paint on a real one is.
     """
+    from picoradar.instrument.procedures import PROCEDURES
+
+    if name not in PROCEDURES:
+        raise BadInput(f"bench {name!r}: no such procedure; there are {', '.join(PROCEDURES)}")
+    if name != "penetration":
+        if material is not None or coat_mm is not None:
+            raise BadInput(f"bench {name}: --material and --coat-mm are for the half painted piece of penetration")
+        return settings, PROCEDURES[name]
+    return _of_piece(settings, material, coat_mm)
+
+
+def _of_piece(
+    settings: Settings, material: str | None, coat_mm: float | None
+) -> tuple[Settings, Callable[[Station], Outcome]]:
     from picoradar.instrument.cli.simulated import checked_simulation
     from picoradar.instrument.procedures.penetration import procedure
     from picoradar.instrument.settings import override

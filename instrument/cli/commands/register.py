@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -81,14 +82,11 @@ def register(
     began = time.perf_counter()
     prepared = reg.load_model(model)
     prepared_at = time.perf_counter()
-    origin = (
-        points.origin if scanner_origin is None else parse_numbers(scanner_origin, 3, "--scanner-origin", "x,y,z in mm")
-    )
     result = reg.register(
         points.points,
         prepared,
         start=begin,
-        origin=(0.0, 0.0, 0.0) if origin is None else origin,
+        origin=_origin(points, scanner_origin),
         covariance=points.covariance,
         response_mv=points.response_mv,
         grid=points.grid,
@@ -108,6 +106,13 @@ def register(
         show(points, result)
     if result.verdict == "fail":
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
+
+
+def _origin(points: PointFile, said: str | None) -> Sequence[float]:
+    """Get where the beams came from: as said, as the file has it, or the scanner frame's own origin."""
+    if said is not None:
+        return parse_numbers(said, 3, "--scanner-origin", "x,y,z in mm")
+    return (0.0, 0.0, 0.0) if points.origin is None else points.origin.tolist()
 
 
 def describe(result: Registration, tolerance: Tolerance, *, prepare_ms: float, register_ms: float) -> JsonObject:
