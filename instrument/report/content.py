@@ -44,7 +44,8 @@ def banners(recording: Recording, registered: RegisteredScan | None) -> list[Ban
     registration = registered.registration
     if registered.known_wrong:
         limits = f"{registered.tolerance.rotation_deg:g} degree or {registered.tolerance.target_mm:g} mm"
-        what = f"The simulated bench knows the true pose: the error is above the tolerance of {limits}."
+        what = "The simulated bench knows the true pose: the error is beyond what is stated below, or beyond the "
+        what += f"tolerance of {limits}."
         found.append(Banner("fail", "✖", "WRONG POSE", [what]))
     symbol, word, sentence = _VERDICTS[registration.verdict]
     found.append(Banner(registration.verdict, symbol, word, [sentence, *registration.reasons]))

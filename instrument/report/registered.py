@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
@@ -32,7 +33,8 @@ class RegisteredScan:
     model : Surface or None
         Without it there is no overlay.
     truth_error : mapping or None
-        On a simulated bench: ``rotation_deg``, ``translation_mm``, ``tre_mm``.
+        On a simulated bench: ``rotation_deg``, ``translation_mm``, ``tre_mm``, and ``at_targets_mm``, the largest of
+        any target.
     """
 
     registration: Registration
@@ -42,8 +44,15 @@ class RegisteredScan:
 
     @property
     def known_wrong(self) -> bool:
-        """Get whether the true pose is known, and the error is beyond the tolerance."""
-        error = self.truth_error
-        return error is not None and not (
-            error["rotation_deg"] <= self.tolerance.rotation_deg and error["translation_mm"] <= self.tolerance.target_mm
-        )
+        """Get whether the true pose is known, and its error is beyond what was stated: at the targets beyond the
+        largest error stated there; where the verdict is a pass or nothing was stated, beyond the tolerance."""
+        error, found = self.truth_error, self.registration
+        if error is None:
+            return False
+        stated = [target.stated_mm for target in found.targets]
+        known = bool(stated) and all(math.isfinite(mm) for mm in stated)
+        if known and not error.get("at_targets_mm", 0.0) <= max(stated):
+            return True
+        within = error["rotation_deg"] <= self.tolerance.rotation_deg
+        within &= error["translation_mm"] <= self.tolerance.target_mm
+        return not within and (found.verdict == "pass" or not known)
