@@ -71,7 +71,7 @@ class Found:
 
     @property
     def targets(self) -> list[Target]:
-        return [Target("socket centre", np.zeros(3), 0.06, 0.11, float("inf"))]
+        return [Target("socket centre", np.zeros(3), 0.06, 0.11, float("inf"), float("inf"))]
 
 
 def pulse(times_ps: np.ndarray, at_ps: float, height: float) -> np.ndarray:
