@@ -162,9 +162,8 @@ def show(done: list[Scanned]) -> bool:
         t, s, u = (values[:, chosen] for values in (true, stated, raw))
         rms, rms_without = np.sqrt(np.mean(t**2)), np.sqrt(np.mean(u**2))
         inside, ratio, gain = float(np.mean(t <= s)), float(np.median(s) / rms), float(rms_without / rms)
-        print(
-            f"{name:>16} {inside:7.1%} {np.median(s):11.3f} mm {rms:6.3f} mm {ratio:6.2f} {rms_without:5.2f} mm {gain:6.1f}"
-        )
+        row = f"{name:>16} {inside:7.1%} {np.median(s):11.3f} mm {rms:6.3f} mm {ratio:6.2f}"
+        print(f"{row} {rms_without:5.2f} mm {gain:6.1f}")
         if name == "all":
             holds = inside >= LEAST_INSIDE and ratio <= LARGEST_RATIO and gain >= LEAST_GAIN
     every = float(np.mean((true <= stated).all(axis=1)))

@@ -43,9 +43,12 @@ def banners(recording: Recording, registered: RegisteredScan | None) -> list[Ban
         return found
     registration = registered.registration
     if registered.known_wrong:
-        limits = f"{registered.tolerance.rotation_deg:g} degree or {registered.tolerance.target_mm:g} mm"
-        what = "The simulated bench knows the true pose: the error is beyond what is stated below, or beyond the "
-        what += f"tolerance of {limits}."
+        limit = (
+            f"the tolerance of {registered.tolerance.rotation_deg:g} degree or {registered.tolerance.target_mm:g} mm"
+        )
+        if registered.beyond_stated:
+            limit = f"the {number(registered.stated_mm, 'mm')} stated at the targets"
+        what = f"The simulated bench knows the true pose: the error is above {limit}."
         found.append(Banner("fail", "✖", "WRONG POSE", [what]))
     symbol, word, sentence = _VERDICTS[registration.verdict]
     found.append(Banner(registration.verdict, symbol, word, [sentence, *registration.reasons]))

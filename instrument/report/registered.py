@@ -43,16 +43,25 @@ class RegisteredScan:
     truth_error: Mapping[str, float] | None = None
 
     @property
+    def stated_mm(self) -> float:
+        """Get the largest error that is stated at a target; NaN where a common range error was never measured."""
+        return max((target.stated_mm for target in self.registration.targets), default=math.nan)
+
+    @property
+    def beyond_stated(self) -> bool:
+        """Get whether the true pose is known, and a target is farther off than was stated."""
+        return self.truth_error is not None and self.truth_error.get("at_targets_mm", 0.0) > self.stated_mm
+
+    @property
     def known_wrong(self) -> bool:
-        """Get whether the true pose is known, and its error is beyond what was stated: at the targets beyond the
-        largest error stated there; where the verdict is a pass or nothing was stated, beyond the tolerance."""
-        error, found = self.truth_error, self.registration
+        """Get whether the true pose is known, and its error is beyond what was stated or beyond the tolerance.
+
+        A caution that states its error promises no more than that: the tolerance is then not its limit.
+        """
+        error = self.truth_error
         if error is None:
             return False
-        stated = [target.stated_mm for target in found.targets]
-        known = bool(stated) and all(math.isfinite(mm) for mm in stated)
-        if known and not error.get("at_targets_mm", 0.0) <= max(stated):
-            return True
         within = error["rotation_deg"] <= self.tolerance.rotation_deg
         within &= error["translation_mm"] <= self.tolerance.target_mm
-        return not within and (found.verdict == "pass" or not known)
+        said = self.registration.verdict == "caution" and math.isfinite(self.stated_mm)
+        return self.beyond_stated or not (within or said)

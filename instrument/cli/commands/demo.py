@@ -51,7 +51,6 @@ def demo(
     """Warm up, scan a real hip socket on the simulated bench, register it, and write a report folder."""
     from picoradar.instrument.cli import scanning, session
     from picoradar.instrument.cli.demo_steps import register_scan, write_folder
-    from picoradar.instrument.settings import override
 
     began = time.perf_counter()
     wanted = options.scan_settings(
@@ -68,8 +67,7 @@ def demo(
         estimator=estimator,
         material=material,
     )
-    wanted = override(wanted, {"scan": {"material": wanted.scan.material or MATERIAL}})
-    _refuse_other_jobs(wanted)
+    wanted = _of_demo(wanted)
     chosen, allowed = registering.checked_method(method), registering.parse_tolerance(tolerance)
     folder = report_folder(out)
     with session.session(wanted, options.parse_speed(speed)) as run:
@@ -92,19 +90,22 @@ def demo(
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
 
 
-def _refuse_other_jobs(settings: Settings) -> None:
-    """Refuse settings that are not those of a demo.
+def _of_demo(settings: Settings) -> Settings:
+    """Return the settings with the material of the hip, where they name none; refuse those that are not of a demo.
 
     Raises
     ------
     BadInput
     """
+    from picoradar.instrument.settings import override
+
     if settings.bench != "simulated":
         raise BadInput("demo runs on the simulated bench; for real devices use: picoradar scan --settings FILE")
     if settings.simulation.get("target") not in (None, "hip"):
         raise BadInput("demo needs the landmarks of the hip; for another target use: picoradar scan --target ...")
     if settings.scan.rows * settings.scan.columns < MIN_POINTS:
         raise BadInput(f"a pose needs at least {MIN_POINTS} points; give a larger --grid")
+    return override(settings, {"scan": {"material": settings.scan.material or MATERIAL}})
 
 
 def accepted(result: JsonObject, found: DemoRegistration) -> bool:
@@ -142,7 +143,7 @@ def _show(result: JsonObject) -> None:
             "points": f"{scan['points']} of {scan['grid'][0] * scan['grid'][1]}",
             "device time": f"{scan['device_time_s']:.1f} s (shots alone {scan['shot_limited_s']:.1f} s)",
             "range error, rms": f"{scan['truth']['range_rms_mm']:.3f} mm",
-            "target": f"{scan['range_error']['material']}, {scan['range_error']['bias_mm']:.2f} mm taken off each range",
+            "target": "{material}, {bias_mm:.2f} mm taken off each range".format(**scan["range_error"]),
             "laser off": "verified" if scan["laser_off_verified"] else "NOT VERIFIED",
             "verdict": registration["verdict"] + ": " + " ".join(registration["reasons"]),
             "true error of the pose": f"{error['rotation_deg']:.3f} deg, {error['translation_mm']:.3f} mm",

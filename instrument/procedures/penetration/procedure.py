@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -45,14 +45,22 @@ OTHER_SPREAD = 0.15
 
 MISPLACED_MM = 40.0
 ROUGH_MM = 1.0  # rms of the painted half about a plane: more is no flat piece
-TURNED_MM = -0.3  # no material reads nearer than paint: the painted half is on the other side
+NEAREST_MM, FARTHEST_MM = -0.3, 9.0  # of the bias: nothing reads nearer than paint, no tissue farther (fat: 8.5 mm)
+ALIKE = 0.03  # difference of the halves' brightness below which they may be of one material
 REMEDY = (
     "Put the piece up flat, the long side across, with the painted half on the left as seen from the scanner (negative "
     "x) and the edge straight ahead, and run this again."
 )
 
 
-def run(station: Station, *, material: str = MATERIAL, coat_mm: float = COAT_MM) -> Outcome:
+def run(
+    station: Station,
+    *,
+    material: str = MATERIAL,
+    coat_mm: float = COAT_MM,
+    tilts_deg: Sequence[float] = TILTS_DEG,
+    step_mm: float = STEP_MM,
+) -> Outcome:
     """Scan both halves at several tilts, and take the bias of the material from the steps between them.
 
     Parameters
@@ -62,6 +70,10 @@ def run(station: Station, *, material: str = MATERIAL, coat_mm: float = COAT_MM)
         Of the piece: the name that a scan is ranged by later (``--material``).
     coat_mm : float
         Thickness of the paint, measured.
+    tilts_deg : sequence of float
+        Turns of the piece about its long side.
+    step_mm : float
+        Distance of neighbouring points.
 
     Raises
     ------
@@ -71,11 +83,11 @@ def run(station: Station, *, material: str = MATERIAL, coat_mm: float = COAT_MM)
     if material in ("", ZERO_MATERIAL):
         raise BadInput(f"material {material!r}: name what lies under the {ZERO_MATERIAL}, for example bone")
     poses: dict[float, dict[Ranging, Step]] = {}
-    for number, tilt_deg in enumerate(TILTS_DEG):
-        station.progress(number / len(TILTS_DEG), f"piece turned by {tilt_deg:g} deg")
+    for number, tilt_deg in enumerate(tilts_deg):
+        station.progress(number / len(tilts_deg), f"piece turned by {tilt_deg:g} deg")
         asked = Placing("coated", DISTANCE_MM, (tilt_deg, 0.0))
         reported_mm = station.stage.place(asked)
-        halves, lost = _halves(_measured(station, tilt_deg), station.calibration, str(asked))
+        halves, lost = _halves(_measured(station, tilt_deg, step_mm), station.calibration, str(asked))
         if lost:
             return refused(NAME, lost, REMEDY)
         lean = fit_lean(halves["template" if "template" in halves else "half-maximum"][0])
@@ -84,25 +96,23 @@ def run(station: Station, *, material: str = MATERIAL, coat_mm: float = COAT_MM)
         poses[tilt_deg] = {ranging: step_between(*both, lean) for ranging, both in halves.items()}
     station.progress(1.0, "evaluating")
     piece = Piece(material, coat_mm, poses)
-    entries = {ranging: _material(station, piece, ranging) for ranging in poses[TILTS_DEG[0]]}
-    if (least := min(entry.bias_mm for entry in entries.values())) < TURNED_MM:
-        return refused(
-            NAME, f"The bare half reads {-least:.2f} mm nearer than paint: the halves are exchanged.", REMEDY
-        )
+    entries = {ranging: _material(station, piece, ranging) for ranging in poses[tilts_deg[0]]}
+    if wrong := _no_halves(entries, poses[tilts_deg[0]]["half-maximum"]):
+        return refused(NAME, wrong, REMEDY)
     before = station.calibration
     materials = {**before.materials, material: entries}
     after = type(before).model_validate(before.model_copy(update={"materials": materials}).model_dump())
     return described(NAME, piece, after, PAINT_BIAS_MM)
 
 
-def _measured(station: Station, tilt_deg: float) -> dict[Ranging, Cloud]:
+def _measured(station: Station, tilt_deg: float, step_mm: float) -> dict[Ranging, Cloud]:
     """Scan the piece in each way that the radar can range; all points, also those without a range."""
     name, calibration = f"tilt-{tilt_deg:02.0f}", station.calibration
     scan = functools.partial(
         station.scan,
-        rows=1 + 2 * round(HALF_WIDTH_MM * math.cos(math.radians(tilt_deg)) / STEP_MM),
-        columns=1 + 2 * round(HALF_LENGTH_MM / STEP_MM),
-        step_mm=STEP_MM,
+        rows=1 + 2 * round(HALF_WIDTH_MM * math.cos(math.radians(tilt_deg)) / step_mm),
+        columns=1 + 2 * round(HALF_LENGTH_MM / step_mm),
+        step_mm=step_mm,
         distance_mm=DISTANCE_MM,
         averages=AVERAGES,
     )
@@ -129,7 +139,7 @@ def _halves(
                 return {}, lost
             angles = true_angles(found.angles_rad, calibration.scanner)
             beams = jacobian(angles, found.range_mm, calibration.mirror_separation_mm)[:, :, 2]
-            both.append(Half(found.points_mm, beams))
+            both.append(Half(found.points_mm, beams, found.response_mv))
         halves[ranging] = (both[0], both[1])
     return halves, ""
 
@@ -143,6 +153,19 @@ def _no_piece(lean: Lean, reported_mm: float) -> str:
     return ""
 
 
+def _no_halves(entries: Mapping[Ranging, Material], square: Step) -> str:
+    """Say why these cannot be a painted and a bare half; empty when they can."""
+    least, largest = min(entry.bias_mm for entry in entries.values()), max(entry.bias_mm for entry in entries.values())
+    if least < NEAREST_MM:
+        return f"The bare half reads {-least:.2f} mm nearer than paint: the halves are exchanged, or it is no piece."
+    if largest > FARTHEST_MM:
+        return f"The bare half reads {largest:.2f} mm farther than paint, more than any tissue: it is no flat piece."
+    alike = abs(square.bare_mv - square.painted_mv) < ALIKE * square.painted_mv
+    if alike and largest < 3.0 * max(entry.sample_sd_mm for entry in entries.values()):
+        return "Both halves are equally bright and equally far: this is no half painted piece (a plain plate?)."
+    return ""
+
+
 def _material(station: Station, piece: Piece, ranging: Ranging) -> Material:
     """Combine the poses: the mean bias, as a scan sees its target at many angles, and what is uncertain about it."""
     biases = piece.biases_mm(ranging)
@@ -151,7 +174,7 @@ def _material(station: Station, piece: Piece, ranging: Ranging) -> Material:
     sample_sd_mm = math.hypot(readings_mm, float(np.std(biases)), COAT_THICKNESS_SD_MM, COAT_BIAS_SD_MM, WALK_SD_MM)
     share = math.sqrt(2.0) * SPREAD.get(piece.material, OTHER_SPREAD)
     how = f"bench procedure {NAME}: half painted piece, paint {piece.coat_mm:g} mm, {len(biases)} tilts up to"
-    how += f" {TILTS_DEG[-1]:g} deg at {DISTANCE_MM:g} mm, {station.stage}; another piece differs by {share:.0%}"
+    how += f" {max(piece.poses):g} deg at {DISTANCE_MM:g} mm, {station.stage}; another piece differs by {share:.0%}"
     if abs(bias_mm) < 2.0 * sample_sd_mm:
         how += ": of nothing, as no light was seen to enter this one"
     return Material(

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SAMPLE_SD_LIMIT_MM = 0.25  # of the piece itself; 0.06 to 0.15 for one angle, and 4 % of the bias between the angles
-COLUMNS = ("tilt_deg", "step_mm", "step_sd_mm", "bias_mm", "bare_points", "painted_points")
+COLUMNS = ("tilt_deg", "step_mm", "step_sd_mm", "bias_mm", "bare_points", "painted_points", "bare_mv", "painted_mv")
 
 
 @dataclass(frozen=True)
@@ -104,10 +104,10 @@ _BIAS = (
 
 
 def _readings(piece: Piece, ranging: Ranging) -> Readings:
-    rows = [
-        (tilt, steps[ranging].step_mm, steps[ranging].sd_mm, bias, steps[ranging].bare, steps[ranging].painted)
-        for (tilt, steps), bias in zip(piece.poses.items(), piece.biases_mm(ranging), strict=True)
-    ]
+    rows = []
+    for (tilt, steps), bias in zip(piece.poses.items(), piece.biases_mm(ranging), strict=True):
+        step = steps[ranging]
+        rows.append((tilt, step.step_mm, step.sd_mm, bias, step.bare, step.painted, step.bare_mv, step.painted_mv))
     return Readings(COLUMNS, np.array(rows, dtype=np.float64))
 
 

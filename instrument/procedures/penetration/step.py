@@ -17,10 +17,12 @@ BLOCK_MM = 4.0  # points nearer than this may share an error: the surface of moi
 
 
 class Half(NamedTuple):
-    """Points (N, 3) mm of one half, and unit vectors (N, 3) along which a range error moves each; scanner frame."""
+    """Points (N, 3) mm of one half, unit vectors (N, 3) along which a range error moves each, and responses (N,) in mV;
+    scanner frame."""
 
     points_mm: FloatArray
     beams: FloatArray
+    response_mv: FloatArray
 
 
 class Lean(NamedTuple):
@@ -42,12 +44,16 @@ class Step(NamedTuple):
         Bare minus painted half, and its standard deviation, where errors within `BLOCK_MM` may be shared.
     bare, painted : int
         Points on each half.
+    bare_mv, painted_mv : float
+        Mean response of each half.
     """
 
     step_mm: float
     sd_mm: float
     bare: int
     painted: int
+    bare_mv: float
+    painted_mv: float
 
 
 def fit_lean(half: Half) -> Lean:
@@ -74,6 +80,8 @@ def step_between(painted: Half, bare: Half, lean: Lean) -> Step:
         sd_mm=float(np.sqrt(front_sd_mm**2 + back_sd_mm**2 + lean_variance)),
         bare=len(bare.points_mm),
         painted=len(painted.points_mm),
+        bare_mv=float(bare.response_mv.mean()),
+        painted_mv=float(painted.response_mv.mean()),
     )
 
 
