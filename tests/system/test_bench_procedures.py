@@ -83,6 +83,10 @@ def test_gray_target_makes_a_calibration_that_holds_on_cards_held_back(station: 
     assert outcome.calibration.date == DATE
     assert outcome.calibration.serial_numbers["sampler"] == "SB-0001"
     assert outcome.calibration.range_zero_mm == pytest.approx(station.calibration.range_zero_mm, abs=0.03)
+    assert outcome.calibration.range_zero_sd_mm == pytest.approx(
+        0.112, abs=0.003
+    )  # 0.05 of the stage, 0.1 from day to day
+    assert outcome.calibration.materials == station.calibration.materials  # the step against paint outlives the zero
     assert outcome.calibration.pointing_sd_rad == station.calibration.pointing_sd_rad
 
 
@@ -90,6 +94,10 @@ def test_geometry_says_what_it_knows_and_writes_a_whole_report(station: Station,
     outcome = SMALL["geometry"](station)
     assert outcome.passed, outcome.findings
     assert outcome.figures["y_offset_rad"] is None
+    assert outcome.calibration is not None
+    assert outcome.calibration.geometry is not None
+    zero_sd_mm = outcome.calibration.geometry.sd["range_zero_mm"]
+    assert outcome.calibration.range_zero_sd_mm == pytest.approx((zero_sd_mm**2 + 0.1**2) ** 0.5)
     assert abs(float(outcome.figures["x_scale"] or 0)) < 4 * float(outcome.figures["x_scale_sd"] or 0)
     result = write_outcome(station.folder, outcome, settings=bench.settings, seed=1)
     names = {path.name for path in station.folder.iterdir()}
