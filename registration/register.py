@@ -22,7 +22,7 @@ from picoradar.registration.trust import Registration, RegistrationRequest, Tole
 from picoradar.registration.trust.assess import assess
 
 MIN_NOISE_MM, MAX_NOISE_MM = 1e-3, 100.0
-"""Range noise that can be given."""
+"""Range noise that can be given; a common range error at most."""
 
 USUAL = RobustSettings()
 """Settings where none are given: making them takes as long as a few steps of a registration."""
@@ -40,7 +40,7 @@ def register(
     method: Literal["robust", "dissertation"] = "robust",
     targets: npt.ArrayLike | Sequence[dict[str, Any]] | None = None,
     noise_mm: float | None = None,
-    range_bias_mm: float = 0.1,
+    range_bias_mm: float | None = None,
     exclude: Sequence[Mapping[str, Any]] | None = None,
     tolerance: Tolerance | None = None,
     settings: RobustSettings | DissertationSettings | None = None,
@@ -72,8 +72,10 @@ def register(
         Points of the model frame where the error matters, mm; dicts hold "position" and "name".
     noise_mm : float, optional
         Range noise of a point, 0.001 to 100 mm; estimated from the residuals when not given.
-    range_bias_mm : float
-        Common range error to budget for at the targets.
+    range_bias_mm : float, optional
+        Standard deviation of a range error common to all points, which leaves no trace in the residuals, up to 100 mm:
+        of range zero and material, as the radar's calibration has it. Not given, it counts as never measured, and
+        the verdict is a caution at best.
     exclude : list of dicts, optional
         Regions of the model that take no part: ``{"center": [x, y, z], "radius_mm": r}``, model frame.
     tolerance : Tolerance, optional
@@ -99,7 +101,7 @@ def register(
     >>> points = np.einsum("fnk,fkd->fnd", shares, corners[sides]).reshape(-1, 3) + [5, -3, 800]
     >>> start = np.eye(4)
     >>> start[:3, 3] = [-4, 2, -799]
-    >>> found = register(points, model, start=start, origin=[25, -100, 2000])
+    >>> found = register(points, model, start=start, origin=[25, -100, 2000], range_bias_mm=0.1)
     >>> found.verdict
     'pass'
     >>> np.abs(found.model_from_scanner[:3, 3] - [-5, 3, -800]).max() < 0.01
@@ -107,6 +109,7 @@ def register(
     """
     scan = checked_scan(points, origin=origin, covariance=covariance, response_mv=response_mv, grid=grid)
     check_noise(noise_mm)
+    check_range_bias(range_bias_mm)
     check_targets(targets)
     robust = settings if isinstance(settings, RobustSettings) else USUAL
     if scan.covariance is None and scan.response_mv is not None:
@@ -153,6 +156,20 @@ def check_noise(noise_mm: float | None) -> None:
     if noise_mm is not None and not MIN_NOISE_MM <= noise_mm <= MAX_NOISE_MM:
         raise RegistrationError(
             f"noise_mm is {noise_mm}: give a number from {MIN_NOISE_MM:g} to {MAX_NOISE_MM:g} mm, or leave it out"
+        )
+
+
+def check_range_bias(range_bias_mm: float | None) -> None:
+    """Refuse a common range error that is no standard deviation in mm.
+
+    Raises
+    ------
+    RegistrationError
+    """
+    if range_bias_mm is not None and not 0.0 <= range_bias_mm <= MAX_NOISE_MM:
+        raise RegistrationError(
+            f"range_bias_mm is {range_bias_mm}: give the standard deviation of a range error common to all points, "
+            f"0 to {MAX_NOISE_MM:g} mm, or leave it out where it was never measured"
         )
 
 

@@ -202,7 +202,7 @@ def judged(case: Case, seeds: int) -> tuple[Counter[str], str, int]:
     for seed in range(seeds):
         try:
             points, model, truth = case[1](seed)
-            found = register(points, model)
+            found = register(points, model, range_bias_mm=0.1)
         except RegistrationError as error:
             said["refused"] += 1
             words[str(error).partition(":")[0]] += 1

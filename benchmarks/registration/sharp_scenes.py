@@ -109,7 +109,9 @@ class Scene:
 
     def register(self) -> registration.Registration:
         """Register the scene by the public front door."""
-        return registration.register(self.points, self.body.model, start=self.start, noise_mm=self.noise_given_mm)
+        return registration.register(
+            self.points, self.body.model, start=self.start, noise_mm=self.noise_given_mm, range_bias_mm=0.1
+        )
 
     def errors(self, found: np.ndarray) -> tuple[float, float]:
         """Rotation in deg and the largest shift of a point in mm, of the nearest of the equivalent poses."""

@@ -146,11 +146,16 @@ def trial(seed: int, mesh: str | None) -> Trial:
     cloud = scan.cloud
     began = time.process_time()
     found = register(
-        cloud.points_mm, model, covariance=cloud.covariance_mm2, response_mv=cloud.response_mv, grid=cloud.grid
+        cloud.points_mm,
+        model,
+        covariance=cloud.covariance_mm2,
+        response_mv=cloud.response_mv,
+        grid=cloud.grid,
+        range_bias_mm=0.1,
     )
     ms = (time.process_time() - began) * 1e3
     less = [{"covariance": cloud.covariance_mm2}, {"response_mv": cloud.response_mv}, {}]
-    others = [register(cloud.points_mm, model, grid=cloud.grid, **given) for given in less]
+    others = [register(cloud.points_mm, model, grid=cloud.grid, **given, range_bias_mm=0.1) for given in less]
     error, *lesser = (pose_error(r.model_from_scanner, scan.truth, centre) for r in (found, *others))
     off_bone = float(np.mean(np.abs(model.closest(scan.in_model()).signed_mm) > 1.0))
     return Trial(

@@ -12,7 +12,7 @@ from picoradar.drivers.clock import Clock
 from picoradar.drivers.interfaces import Galvo, Sampler
 from picoradar.drivers.traces import Trace
 from picoradar.instrument.acquisition.plan import LinePlan, Plan
-from picoradar.instrument.calibration import Calibration, Method
+from picoradar.instrument.calibration import Calibration, Method, Ranging
 from picoradar.instrument.controller import Between
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import LineWindows
@@ -27,6 +27,10 @@ class Setup:
     settings: Settings
     calibration: Calibration
     clock: Clock
+
+    def calibration_for(self, ranging: Ranging) -> Calibration:
+        """Return the calibration that ranges the material of the settings in this way, without its bias."""
+        return self.calibration.for_material(self.settings.scan.material, ranging)
 
 
 class Devices(NamedTuple):
@@ -85,6 +89,10 @@ class Capture(Protocol):
     @property
     def estimator(self) -> Method:
         """Get the method that ranges are estimated by."""
+
+    @property
+    def ranging(self) -> Ranging:
+        """Get the way of ranging that a material's bias belongs to."""
 
     @property
     def raw_bytes(self) -> int:

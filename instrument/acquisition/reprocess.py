@@ -10,7 +10,7 @@ import numpy as np
 
 from picoradar.instrument.acquisition.line import reprocessed
 from picoradar.instrument.acquisition.window_ranging import range_line
-from picoradar.instrument.calibration import Calibration, Method
+from picoradar.instrument.calibration import Calibration, Method, Ranging
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import Flag, ScanLine
@@ -24,6 +24,7 @@ def reprocess(
     *,
     method: Method | None = None,
     calibration: Calibration | None = None,
+    material: str | None = None,
     on_line: Callable[[ScanLine], None] | None = None,
 ) -> None:
     """Write a new recording with the traces of an old one and new ranges.
@@ -36,6 +37,8 @@ def reprocess(
         Estimator; the recording's own by default.
     calibration : Calibration, optional
         The recording's own by default.
+    material : str, optional
+        What was scanned; what the recording says by default. Its bias in the calibration is taken off.
     on_line : callable, optional
         Called with each line done.
 
@@ -50,7 +53,12 @@ def reprocess(
     with Recording.open(source) as old:
         used = calibration or _own_calibration(old)
         estimator = method or old.header.get("raster", {}).get("estimator", "half-maximum")
+        target_of = old.range_error.get("material", "") if material is None else material
+        ranging: Ranging = "window" if old.raster.get("mode") == "window" else estimator
         header = _header(old.header, source, used, estimator)
+        header["range_error"] = used.range_error(target_of, ranging)._asdict()
+        header["settings"] = _of_material(old.header.get("settings"), target_of)
+        used = used.for_material(target_of, ranging)
         with Recording.create(target, header) as new:
             before: ScanLine | None = None
             for line in old.lines():
@@ -112,7 +120,13 @@ def _header(old: JsonObject, source: Path, calibration: Calibration, method: Met
     return {
         **kept,
         "raster": {**old["raster"], "estimator": method},
-        "calibration": calibration.model_dump(mode="json"),
+        "calibration": calibration.content(),
         "calibration_digest": calibration.digest,
         "ranged_from": {"recording": source.name, "versions": old.get("versions")},
     }
+
+
+def _of_material(settings: JsonObject | None, material: str) -> JsonObject | None:
+    """Return the settings with what was scanned, so that a scan that is gone on with is ranged as its lines so far."""
+    scan = None if settings is None else settings.get("scan")
+    return {**(settings or {}), "scan": {**scan, "material": material}} if isinstance(scan, dict) else settings

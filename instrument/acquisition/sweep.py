@@ -11,7 +11,7 @@ from picoradar.drivers.interfaces import Galvo, Record, Sampler, SweepSettings
 from picoradar.drivers.traces import Trace
 from picoradar.instrument.acquisition.capture import Captured, Devices, Revisit, Setup
 from picoradar.instrument.acquisition.plan import LinePlan, Plan
-from picoradar.instrument.calibration import Method
+from picoradar.instrument.calibration import METHODS, Method, Ranging
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.ranging import Ranges, estimate
 from picoradar.instrument.settings import Settings
@@ -33,12 +33,18 @@ class SweepCapture:
     def __init__(self, setup: Setup) -> None:
         self._setup = setup
         self._scanner = setup.settings.scanner
+        self._calibrations = {method: setup.calibration_for(method) for method in METHODS}
         self.sweep = sweep_of(setup.settings)
 
     @property
     def estimator(self) -> Method:
         """Get the estimator of the settings."""
         return self._setup.settings.scan.estimator
+
+    @property
+    def ranging(self) -> Ranging:
+        """Get the estimator: it ranges whole traces."""
+        return self.estimator
 
     @property
     def raw_bytes(self) -> int:
@@ -109,7 +115,7 @@ class SweepCapture:
             trace.mv,
             trace.times_ps,
             method=method,
-            calibration=self._setup.calibration,
+            calibration=self._calibrations[method],
             sweeps=trace.sweeps,
             clipped=np.array([record.clipped for record in records]),
         )

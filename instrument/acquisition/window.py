@@ -21,7 +21,7 @@ from picoradar.instrument.acquisition.capture import Captured, Devices, Revisit,
 from picoradar.instrument.acquisition.galvo_path import Stop, plan_path
 from picoradar.instrument.acquisition.plan import LinePlan, Plan
 from picoradar.instrument.acquisition.window_ranging import range_line, range_windows
-from picoradar.instrument.calibration import Method
+from picoradar.instrument.calibration import Method, Ranging
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import LineWindows
@@ -86,6 +86,7 @@ class WindowCapture:
 
     mode = "window"
     estimator: Method = "template"
+    ranging: Ranging = "window"
 
     def __init__(self, setup: Setup, columns: int) -> None:
         settings = setup.settings
@@ -97,7 +98,8 @@ class WindowCapture:
             settle_shots=settings.scanner.window_settle_shots,
             free_shots=int(settings.scanner.window_settle_ms * 1e-3 * settings.pulser.prf_hz),
         )
-        self._planner = WindowPlanner(setup.calibration, columns, plan)
+        self._calibration = setup.calibration_for(self.ranging)
+        self._planner = WindowPlanner(self._calibration, columns, plan)
         self._planner.line()  # makes the tables of the pulse shapes now, which takes a moment, and not under light
 
     @property
@@ -134,7 +136,7 @@ class WindowCapture:
     def take(self, plan: Plan, line: LinePlan, revisit: Revisit | None, devices: Devices) -> Captured:
         """Take a line in one path, and again those of its points whose echo was not in its window."""
         self._wait_for_frame()
-        calibration, left_s = self._setup.calibration, self._setup.clock.now()
+        left_s = self._setup.clock.now()
         devices.galvo.move(int(line.lead_in[0]), int(line.lead_in[1]))  # settles while the line is planned and sent
         points = self._planner.line()
         targets = self._targets(line.codes, points)
@@ -144,7 +146,7 @@ class WindowCapture:
         records = self._take(_PathRun(line.row + 1, line.lead_in, targets, left_s), devices)
         windows = LineWindows.of(line.columns, records[: len(points)], _table(points), retaken=False)
         shots = _shots(points)
-        ranges = range_windows(windows, calibration)
+        ranges = range_windows(windows, self._calibration)
         lost = self._planner.lost(points, ranges)
         if lost.size:
             wide = self._planner.wide(lost)
@@ -155,7 +157,7 @@ class WindowCapture:
             shots += _shots(wide)
             retaken = LineWindows.of(line.columns[lost], again, _table(wide), retaken=True)
             windows = windows.followed_by(retaken)
-            ranges = range_line(line.columns, windows, calibration)
+            ranges = range_line(line.columns, windows, self._calibration)
         self._planner.learn(ranges)  # before the footprint is judged: half a spot on a rim is planned as it is seen
         return Captured(
             ranges=ranges,
@@ -180,7 +182,7 @@ class WindowCapture:
 
     def _ranges_of(self, record: WindowRecord, point: PointWindows) -> Ranges:
         windows = LineWindows.of([0], [record], _table([point]), retaken=False)
-        return range_windows(windows, self._setup.calibration)
+        return range_windows(windows, self._calibration)
 
     def _take(self, run: _PathRun, devices: Devices) -> list[WindowRecord]:
         """Take one record at each target of a run."""

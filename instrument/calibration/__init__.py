@@ -13,6 +13,7 @@ from picoradar.instrument.calibration.geometry import (
     points_from,
     true_angles,
 )
+from picoradar.instrument.calibration.materials import ZERO_MATERIAL, Material, RangeError, Ranging
 from picoradar.instrument.calibration.parts import (
     PEAK_ROOM_PS,
     GeometryUncertainty,
@@ -27,9 +28,13 @@ __all__ = [
     "CENTRE_CODE",
     "METHODS",
     "PEAK_ROOM_PS",
+    "ZERO_MATERIAL",
     "Calibration",
     "GeometryUncertainty",
+    "Material",
     "Method",
+    "RangeError",
+    "Ranging",
     "ScannerErrors",
     "ShotNoise",
     "Templates",

@@ -64,6 +64,10 @@ def differences(before: Calibration, after: Calibration) -> dict[str, float | st
     for method in METHODS:
         key = f"{method.replace('-', '_')}_range_largest_mm"
         found[key] = _largest_range_change(before, after, method)
+    for material, entries in after.materials.items():
+        for ranging, entry in entries.items():
+            if (old := before.materials.get(material, {}).get(ranging)) is not None:
+                found[f"{material}_{ranging.replace('-', '_')}_bias_mm"] = entry.bias_mm - old.bias_mm
     found["point_largest_mm"] = _largest_point_change(before, after)
     found["instrument"] = "another" if _another(before, after) else "the same"
     found["days"] = (after.date - before.date).total_seconds() / 86400

@@ -11,6 +11,7 @@ from typing import Literal
 from pydantic import Field, ValidationError, field_validator
 
 from picoradar.drivers.errors import parse_json, read_text
+from picoradar.instrument.calibration.materials import Material, RangeError, Ranging, in_utc, range_error
 from picoradar.instrument.calibration.parts import (
     GeometryUncertainty,
     Part,
@@ -24,6 +25,9 @@ from picoradar.instrument.settings import Method
 
 FORMAT: Literal[1] = 1
 _MAKE_AGAIN = "make it again with a bench procedure"
+
+LATER: dict[str, object] = {"range_zero_sd_mm": None, "materials": {}}
+"""Fields that came later, and their values in files from before: left out, so that these keep their digest."""
 
 
 class Calibration(Part):
@@ -39,6 +43,12 @@ class Calibration(Part):
     diode_degc: float | None = Field(None, description="temperature of the laser diode while it was measured, degC")
 
     range_zero_mm: float = Field(0.0, description="range at zero interval between the two time-significant points, mm")
+    range_zero_sd_mm: float | None = Field(
+        None, ge=0, le=100, description="its standard deviation, mm; none: not known"
+    )
+    materials: dict[str, dict[Ranging, Material]] = Field(
+        default_factory=dict, description="range error on each material that was measured, for each way of ranging"
+    )
     walk: dict[Method, Walk] = Field(default_factory=dict, description="timing walk, for each estimator")
     templates: Templates | None = Field(None, description="pulse shapes for the template estimator")
     noise: ShotNoise = Field(default_factory=ShotNoise, description="noise of a single sample of a single sweep")
@@ -54,20 +64,34 @@ class Calibration(Part):
     @field_validator("date")
     @classmethod
     def _with_zone(cls, date: datetime.datetime) -> datetime.datetime:
-        if date.tzinfo is None:
-            raise ValueError("needs a time zone, for example 2026-01-31T12:00:00Z")
-        return date.astimezone(datetime.UTC)
+        return in_utc(date)
 
     @property  # not cached: `model_copy` would take the old digest along
     def digest(self) -> str:
         """Get ``sha256:`` and the hash of the content in canonical JSON (sorted keys, no spaces, UTF-8)."""
-        canonical = json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+        canonical = json.dumps(self.content(), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
         return "sha256:" + hashlib.sha256(canonical.encode()).hexdigest()
+
+    def content(self) -> dict[str, object]:
+        """Return all values as plain JSON types; those of `LATER` only where they are set."""
+        every: dict[str, object] = self.model_dump(mode="json")
+        return {name: value for name, value in every.items() if name not in LATER or value != LATER[name]}
+
+    def for_material(self, material: str, ranging: Ranging) -> Calibration:
+        """Return the calibration that ranges this material without its bias; itself where none was measured."""
+        entry = self.materials.get(material, {}).get(ranging)
+        if entry is None:
+            return self
+        return self.model_copy(update={"range_zero_mm": self.range_zero_mm - entry.bias_mm})
+
+    def range_error(self, material: str, ranging: Ranging) -> RangeError:
+        """Return what is known of the range error that all points on this material share."""
+        return range_error(material, self.materials.get(material, {}).get(ranging), self.range_zero_sd_mm)
 
     def save(self, path: Path) -> None:
         """Write the calibration as JSON; an existing file is replaced completely or not at all."""
         partial = path.with_name(path.name + ".partial")
-        partial.write_text(json.dumps(self.model_dump(mode="json"), indent=1) + "\n", encoding="utf-8")
+        partial.write_text(json.dumps(self.content(), indent=1) + "\n", encoding="utf-8")
         partial.replace(path)
 
     @classmethod

@@ -28,7 +28,7 @@ class DemoRegistration:
     ----------
     registered : RegisteredScan
         Its ``truth_error`` has ``rotation_deg``; ``translation_mm`` of the middle of the cloud; ``tre_mm``, the largest
-        shift of any of its points.
+        shift of any of its points; ``at_targets_mm``, that of any target.
     described : dict
         The registration by the keys of the command's contract.
     landmarks : list of dict
@@ -41,7 +41,11 @@ class DemoRegistration:
 
 
 def register_scan(
-    simulated: Simulated, scanned: Cloud, method: Literal["robust", "dissertation"], tolerance: Tolerance
+    simulated: Simulated,
+    scanned: Cloud,
+    range_bias_mm: float | None,
+    method: Literal["robust", "dissertation"],
+    tolerance: Tolerance,
 ) -> DemoRegistration:
     """Register a scan from clicked landmarks and compare the pose with the true one."""
     cloud = scanned.with_range()
@@ -58,10 +62,12 @@ def register_scan(
         grid=cloud.grid,
         method=method,
         targets=[{"name": pair["name"], "position": pair["model"]} for pair in landmarks],
+        range_bias_mm=range_bias_mm,
         tolerance=tolerance,
     )
     done = time.perf_counter()
-    truth_error = _truth_error(result.model_from_scanner, simulated.model_from_scanner, cloud.points_mm)
+    targets_mm = np.array([target.position for target in result.targets])
+    truth_error = _truth_error(result.model_from_scanner, simulated.model_from_scanner, cloud.points_mm, targets_mm)
     duration = {"prepare_ms": (prepared - began) * 1e3, "register_ms": (done - prepared) * 1e3}
     return DemoRegistration(
         registered=RegisteredScan(result, tolerance, Surface(*simulated.model), truth_error),
@@ -71,15 +77,20 @@ def register_scan(
 
 
 def _truth_error(
-    estimate: NDArray[np.float64], truth: NDArray[np.float64], points_mm: NDArray[np.float64]
+    estimate: NDArray[np.float64],
+    truth: NDArray[np.float64],
+    points_mm: NDArray[np.float64],
+    targets_mm: NDArray[np.float64],
 ) -> dict[str, float]:
     in_model = points_mm @ truth[:3, :3].T + truth[:3, 3]
     found = points_mm @ estimate[:3, :3].T + estimate[:3, 3]
+    moved = targets_mm @ (estimate @ np.linalg.inv(truth))[:3, :3].T + (estimate @ np.linalg.inv(truth))[:3, 3]
     error = pose_error(estimate, truth, in_model.mean(axis=0))
     return {
         "rotation_deg": error.rotation_deg,
         "translation_mm": error.translation_mm,
         "tre_mm": float(np.linalg.norm(found - in_model, axis=1).max()),
+        "at_targets_mm": float(np.linalg.norm(moved - targets_mm, axis=1).max()),
     }
 
 

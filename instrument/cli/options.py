@@ -46,6 +46,12 @@ Mode = Annotated[
     str | None, typer.Option(help="sweep: the whole trace; window: two short pieces, only the shots needed.")
 ]
 Estimator = Annotated[str | None, typer.Option(help="How a trace becomes a range: half-maximum or template.")]
+Material = Annotated[
+    str | None,
+    typer.Option(
+        help="What is scanned: bone, cartilage, ... as measured by bench penetration; its range error is taken off."
+    ),
+]
 Faults = Annotated[
     Path | None, typer.Option("--faults", help="Faults to inject into the simulated bench (TOML or JSON).")
 ]
@@ -66,6 +72,7 @@ class ScanOptions(TypedDict, total=False):
     prf_hz: float | None
     mode: str | None
     estimator: str | None
+    material: str | None
 
 
 def scan_settings(settings_file: Path | None, **options: Unpack[ScanOptions]) -> Settings:
@@ -106,6 +113,7 @@ def scan_settings(settings_file: Path | None, **options: Unpack[ScanOptions]) ->
                 "averages": options.get("averages"),
                 "mode": options.get("mode"),
                 "estimator": options.get("estimator"),
+                "material": options.get("material"),
             },
             "simulation": {"target": target, "target_pose": pose, "distance_mm": distance_mm, "world": world}
             if settings.bench == "simulated"
@@ -135,6 +143,18 @@ def parse_pose(text: str | None) -> list[float] | None:
     BadInput
     """
     return None if text is None else parse_numbers(text, 6, "--target-pose", "x,y,z,rx,ry,rz in mm and degrees")
+
+
+def checked_material(name: str | None) -> str | None:
+    """Check the name of a material as the settings do; None stays None.
+
+    Raises
+    ------
+    BadInput
+    """
+    from picoradar.instrument.settings import Settings, override
+
+    return None if name is None else override(Settings(), {"scan": {"material": name}}).scan.material
 
 
 def parse_numbers(text: str, count: int, option: str, form: str) -> list[float]:

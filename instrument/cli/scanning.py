@@ -39,6 +39,7 @@ def record_scan(run: Session, path: Path) -> RecordedScan:
     """
     sampler = run.controller.bench.sampler
     job = job_for(run)
+    _warn_of_unmeasured(run, job)
     header = job.header(
         run.identities,
         seed=run.settings.seed if run.simulated is not None else None,
@@ -47,6 +48,18 @@ def record_scan(run: Session, path: Path) -> RecordedScan:
     if run.simulated is not None and run.simulated.faults:
         header["faults"] = run.simulated.faults
     return _scan_into(run, job, Recording.create(path, header))
+
+
+def _warn_of_unmeasured(run: Session, job: Acquisition) -> None:
+    """Say before the scan that nothing will be taken off for a material that was named but never measured."""
+    material = run.settings.scan.material
+    if material and run.calibration.range_error(material, job.capture.ranging).sd_mm is None:
+        output.console().print(
+            f"range error on {material} not taken off: the calibration has none for {job.capture.ranging}; "
+            f"measure it with: picoradar bench penetration --material {material}",
+            markup=False,
+            soft_wrap=True,
+        )
 
 
 def resume_scan(run: Session, path: Path) -> RecordedScan:
@@ -137,6 +150,7 @@ def describe_scan(run: Session, job: Acquisition, cloud: Cloud, outcome: ScanOut
         "step_mm": scan.step_mm,
         "mode": job.mode,
         "averages": scan.averages,
+        "range_error": run.calibration.range_error(scan.material, job.capture.ranging)._asdict(),
         "device_time_s": round(outcome.device_time_s, 6),
         "shot_limited_s": job.shots / run.settings.pulser.prf_hz,
         "flags": {f.words: n for f in Flag if f and (n := int(np.count_nonzero(cloud.flags & np.uint16(f))))},

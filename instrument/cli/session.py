@@ -18,7 +18,7 @@ from picoradar.instrument.acquisition import (
 from picoradar.instrument.bench import make_bench
 from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.cli import output, signals
-from picoradar.instrument.cli.simulated import Simulated
+from picoradar.instrument.cli.simulated import Simulated, shipped_calibration
 from picoradar.instrument.controller import Controller
 from picoradar.instrument.errors import BadInput, InterlockTripped, Interrupted
 from picoradar.instrument.settings import Settings
@@ -119,7 +119,7 @@ def calibration_of(settings: Settings) -> Calibration:
         return Calibration.load(Path(settings.calibration))
     if settings.bench != "simulated":
         raise BadInput("settings: calibration is empty; real devices need the calibration file of this radar")
-    with resources.as_file(resources.files("picoradar.instrument") / "data" / "simulated-bench.json") as path:
+    with resources.as_file(shipped_calibration(settings)) as path:
         return Calibration.load(path)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 
 import numpy as np
@@ -157,3 +159,16 @@ def checked_simulation(settings: Settings) -> BaseModel:
         return SimulationSettings.model_validate(table)
     except ValidationError as error:
         raise BadInput("; ".join(describe_errors(error, "settings, [simulation]", ""))) from error
+
+
+def shipped_calibration(settings: Settings) -> Traversable:
+    """Return the calibration file that comes with the simulated bench: one for each way that light meets a target.
+
+    Raises
+    ------
+    BadInput
+        When the ``[simulation]`` table is not allowed.
+    """
+    late = checked_simulation(settings).model_dump()["tissue_light"]
+    name = "simulated-clinic.json" if late else "simulated-bench.json"
+    return resources.files("picoradar.instrument") / "data" / name

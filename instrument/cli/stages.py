@@ -12,7 +12,7 @@ from picoradar.instrument.settings import Settings, override
 
 READING_ROOM_MM = 100.0  # between the distance asked for and the one read; more is taken for a typing error
 SCALE_HALF_MM = 500.0
-_BODIES = {"card": "plate", "scale": "plate", "plate": "plate", "prism": "prism", "step": "step"}
+_BODIES = {"card": "plate", "scale": "plate", "plate": "plate", "prism": "prism", "step": "step", "coated": "coated"}
 
 
 HIDDEN = {

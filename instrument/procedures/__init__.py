@@ -8,6 +8,7 @@ from picoradar.instrument.procedures import distance, drift, transmitter
 from picoradar.instrument.procedures.geometry import procedure as geometry
 from picoradar.instrument.procedures.gray_target import procedure as gray_target
 from picoradar.instrument.procedures.gray_target import templates
+from picoradar.instrument.procedures.penetration import procedure as penetration
 from picoradar.instrument.procedures.prism import procedure as prism
 from picoradar.instrument.procedures.scanner import procedure as scanner
 from picoradar.instrument.procedures.station.outcome import Outcome
@@ -22,6 +23,7 @@ PROCEDURES: dict[str, Callable[[Station], Outcome]] = {
     templates.NAME: templates.run,
     drift.NAME: drift.run,
     transmitter.NAME: transmitter.run,
+    penetration.NAME: penetration.run,
 }
 
 __all__ = ["PROCEDURES", "Outcome", "Station"]

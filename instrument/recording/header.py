@@ -140,11 +140,13 @@ def checked_header(header: JsonObject) -> JsonObject:
     for name in ("plan", "mode", "estimator"):
         if not isinstance(raster.get(name, ""), str):
             raise ValueError(f"raster.{name} of the header is {raster[name]!r}, not a word")
-    for name in ("settings", "calibration", "scanner", "versions", "trace"):
+    for name in ("settings", "calibration", "scanner", "versions", "trace", "range_error"):
         if not isinstance(header.get(name), dict | None):
             raise ValueError(f"the header's `{name}` is no JSON object")
     if header.get("trace") is not None:
         _check_trace(header["trace"])
+    if header.get("range_error") is not None:
+        _check_range_error(header["range_error"])
     return header
 
 
@@ -156,6 +158,16 @@ def _check_trace(trace: JsonObject) -> None:
     for name in set(_TRACE) - {"samples"}:
         if not _is_number(trace[name]):
             raise ValueError(f"trace.{name} of the header is {trace[name]!r}, not a number")
+
+
+def _check_range_error(known: JsonObject) -> None:
+    if not isinstance(known.get("material", ""), str):
+        raise ValueError(f"range_error.material of the header is {known['material']!r}, not a word")
+    if not _is_number(known.get("bias_mm", 0)):
+        raise ValueError(f"range_error.bias_mm of the header is {known['bias_mm']!r}, not a number")
+    sd_mm = known.get("sd_mm")
+    if sd_mm is not None and not (_is_number(sd_mm) and sd_mm >= 0):
+        raise ValueError(f"range_error.sd_mm of the header is {sd_mm!r}, neither null nor a number from 0 on")
 
 
 def _is_count(value: object, most: int) -> bool:

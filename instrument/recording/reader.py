@@ -69,6 +69,12 @@ class Reader:
         return raster
 
     @property
+    def range_error(self) -> JsonObject:
+        """Get material, bias_mm and sd_mm of the range error that all points share; empty: the recording is older."""
+        known: JsonObject = self.header.get("range_error") or {}
+        return known
+
+    @property
     def trace(self) -> JsonObject:
         """Get start_ps, step_ps, samples, zero_code, mv_per_code of the traces.
 

@@ -43,8 +43,12 @@ def banners(recording: Recording, registered: RegisteredScan | None) -> list[Ban
         return found
     registration = registered.registration
     if registered.known_wrong:
-        limits = f"{registered.tolerance.rotation_deg:g} degree or {registered.tolerance.target_mm:g} mm"
-        what = f"The simulated bench knows the true pose: the error is above the tolerance of {limits}."
+        limit = (
+            f"the tolerance of {registered.tolerance.rotation_deg:g} degree or {registered.tolerance.target_mm:g} mm"
+        )
+        if registered.beyond_stated:
+            limit = f"the {number(registered.stated_mm, 'mm')} stated at the targets"
+        what = f"The simulated bench knows the true pose: the error is above {limit}."
         found.append(Banner("fail", "✖", "WRONG POSE", [what]))
     symbol, word, sentence = _VERDICTS[registration.verdict]
     found.append(Banner(registration.verdict, symbol, word, [sentence, *registration.reasons]))
@@ -59,8 +63,10 @@ def figures(cloud: Cloud, registered: RegisteredScan | None) -> list[tuple[str, 
     if registration is not None:
         worst = worst_target(registration)
         if worst is not None:
-            bias = f"; a bias of all ranges may add {number(worst.bias_mm, 'mm')}"
-            found.append((number(worst.p95_mm, "mm"), f"predicted error at {worst.name}, not exceeded in 95 %{bias}"))
+            known = math.isfinite(worst.bias_mm)
+            bias = "a common range error included" if known else "but a common range error was never measured"
+            value = worst.stated_mm if known else worst.p95_mm
+            found.append((number(value, "mm"), f"predicted error at {worst.name}, not exceeded in 95 %, {bias}"))
         found.append((number(registration.predicted_rotation_deg, "°"), "predicted rotation error, root mean square"))
     if registered is not None and registered.truth_error is not None:
         tre_mm = registered.truth_error["tre_mm"]
@@ -85,6 +91,7 @@ def facts(
     found.append(
         ("raster", grid + (f", {step:g} mm apart" if step else "") + (f", {averages} averages" if averages else ""))
     )
+    found.append(("target, and range error taken off", range_error_words(recording)))
     scan = summary.get("scan", {})
     if isinstance(scan, Mapping) and scan.get("device_time_s") is not None:
         shots = scan.get("shot_limited_s")
@@ -108,8 +115,7 @@ def _facts_of_registration(registered: RegisteredScan) -> list[tuple[str, str]]:
     found += [
         (
             f"predicted error at {target.name}",
-            f"{number(target.rms_mm, 'mm')} rms, {number(target.p95_mm, 'mm')} in 95 %, "
-            f"plus a bias of up to {number(target.bias_mm, 'mm')}",
+            f"{number(target.rms_mm, 'mm')} rms, {number(target.p95_mm, 'mm')} in 95 %, {_common(target)}",
         )
         for target in registration.targets
     ]
@@ -120,6 +126,23 @@ def _facts_of_registration(registered: RegisteredScan) -> list[tuple[str, str]]:
     return found
 
 
+def range_error_words(recording: Recording) -> str:
+    """Say what the recording knows of the range error that all its points share."""
+    known = recording.range_error
+    if not (material := known.get("material")):
+        return "material not stated, nothing taken off"
+    if (sd_mm := known.get("sd_mm")) is None:
+        return f"{material}, whose range error was never measured with this radar; nothing taken off"
+    return f"{material}, {number(known['bias_mm'], 'mm')}; standard deviation left {number(sd_mm, 'mm')}"
+
+
+def _common(target: Target) -> str:
+    if math.isnan(target.bias_mm):
+        return "a common range error was never measured"
+    sd, stated = number(target.bias_mm, "mm"), number(target.stated_mm, "mm")
+    return f"{stated} with a common range error of standard deviation {sd}"
+
+
 def flag_counts(cloud: Cloud) -> str:
     """Return how many points carry which flag, in words."""
     counts = Counter({flag.words: int(np.count_nonzero(cloud.flags & np.uint16(flag))) for flag in Flag})
@@ -128,7 +151,7 @@ def flag_counts(cloud: Cloud) -> str:
 
 def worst_target(registration: Registration) -> Target | None:
     """Return the target with the largest predicted error."""
-    return max(registration.targets, key=lambda target: target.p95_mm, default=None)
+    return max(registration.targets, key=lambda t: t.p95_mm if math.isnan(t.stated_mm) else t.stated_mm, default=None)
 
 
 def number(value: float, unit: str) -> str:

@@ -194,6 +194,11 @@ class ScanSettings(Section):
     estimator: Method = Field(
         "half-maximum", description="how a trace becomes a range (window mode always uses template)"
     )
+    material: str = Field(
+        "",
+        pattern=r"^[a-z0-9 _-]{0,40}$",
+        description="what is scanned, as measured by bench penetration (bone), or paint; empty: not known",
+    )
     wanted_sd_mm: float = Field(0.22, gt=0, le=10, description="window mode: intended standard deviation of each range")
     keep_traces: bool = Field(True, description="keep the raw traces in the recording")
 

@@ -30,6 +30,9 @@ class TrustSettings:
     rotation_sds: float = 2.0
     """Standard deviations of the rotation that stand for 95 % of all errors: 1.96 for one axis, rounded up."""
 
+    bias_sds: float = 2.0
+    """Standard deviations of the common range error that stand for 95 % of all cases, as for the rotation."""
+
     fail_factor: float = 2.0
     """Predicted errors beyond so many tolerances fail; between one and this they are a caution."""
 

@@ -110,7 +110,10 @@ class Target:
     rms_mm, p95_mm : float
         Root mean square and 95 % quantile of the random error; infinite when a motion is free.
     bias_mm : float
-        Largest shift that a common range error, which leaves no trace in the residuals, can cause here.
+        Shift that one standard deviation of a common range error, which leaves no trace in the residuals, causes here;
+        NaN when that was never measured.
+    stated_mm : float
+        The error to reckon with: `p95_mm` and two standard deviations of that shift, added; NaN like it.
     """
 
     name: str
@@ -118,6 +121,7 @@ class Target:
     rms_mm: float
     p95_mm: float
     bias_mm: float
+    stated_mm: float
 
 
 def quantile_mm(covariance: FloatArray, probability: float = P95) -> float:

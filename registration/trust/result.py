@@ -96,6 +96,7 @@ class Registration:
                     "rms_mm": _number(t.rms_mm),
                     "p95_mm": _number(t.p95_mm),
                     "bias_mm": _number(t.bias_mm),
+                    "stated_mm": _number(t.stated_mm),
                 }
                 for t in self.targets
             ],

@@ -9,6 +9,12 @@ from picoradar.registration.solution import Rival
 from picoradar.registration.trust.covariance import Target
 from picoradar.registration.trust.result import Verdict
 
+UNKNOWN_RANGE_ERROR = (
+    "How far all ranges are off together was never measured on this material, and it leaves no trace in the "
+    "residuals: bone reads millimetres too far. Measure it on a sample (picoradar bench penetration --material bone), "
+    "scan with that calibration and --material bone; or state what is left of it (--range-bias-mm)."
+)
+
 
 @dataclass(frozen=True)
 class Tolerance:
@@ -38,6 +44,8 @@ class Evidence:
         Those that may be the truth.
     confident : bool
         The search reached this minimum often enough to trust that it missed no better one.
+    range_error_known : bool
+        How large a range error common to all points may be was measured.
     """
 
     rotation_sd_deg: float
@@ -49,6 +57,7 @@ class Evidence:
     misfit_mm: float
     rivals: list[Rival]
     confident: bool
+    range_error_known: bool
 
 
 def judge(evidence: Evidence, tolerance: Tolerance, settings: TrustSettings) -> tuple[Verdict, list[str]]:
@@ -78,6 +87,8 @@ def judge(evidence: Evidence, tolerance: Tolerance, settings: TrustSettings) -> 
     for predicted in _predicted(evidence, tolerance, settings):
         if predicted.value > predicted.limit:
             (fails if predicted.fails(settings) else cautions).append(predicted.sentence)
+    if not evidence.range_error_known:
+        cautions.append(UNKNOWN_RANGE_ERROR)
     if evidence.rivals:
         nearest = evidence.rivals[0]
         cautions.append(
@@ -88,7 +99,7 @@ def judge(evidence: Evidence, tolerance: Tolerance, settings: TrustSettings) -> 
         return "fail", fails + cautions
     if cautions:
         return "caution", cautions
-    worst = max((t.p95_mm + t.bias_mm for t in evidence.targets), default=0.0)
+    worst = max((t.stated_mm for t in evidence.targets), default=0.0)
     return "pass", [
         f"Predicted rotation error {evidence.rotation_sd_deg:.2f} deg (rms); with 95 % probability the error at every "
         f"target is under {worst:.2f} mm, a common range error included."
@@ -104,6 +115,7 @@ class _Predicted:
     limit: float
     unit: str
     free: float
+    by_range_error: bool = False
 
     def fails(self, settings: TrustSettings) -> bool:
         """Whether it is too large even for a caution."""
@@ -114,9 +126,10 @@ class _Predicted:
         """What is wrong with it, and what to do."""
         if self.value > self.free:
             return f"The points leave the {self.what} free: scan a region with more shape, or more of the bone."
+        remedy = "most of it a common range error: measure the material again, on a sample more like it"
         return (
             f"The predicted {self.what} reaches {self.value:.2f} {self.unit} (95 %), the limit is {self.limit:g} "
-            f"{self.unit}: scan more."
+            f"{self.unit}: {remedy if self.by_range_error else 'scan more'}."
         )
 
 
@@ -124,6 +137,8 @@ def _predicted(evidence: Evidence, tolerance: Tolerance, settings: TrustSettings
     rotation_deg = settings.rotation_sds * evidence.rotation_sd_deg
     errors = [_Predicted("rotation", rotation_deg, tolerance.rotation_deg, "deg", settings.free_rotation_deg)]
     for target in evidence.targets:
-        value, what = target.p95_mm + target.bias_mm, f"error at {target.name}"
-        errors.append(_Predicted(what, value, tolerance.target_mm, "mm", settings.free_target_mm))
+        value = target.stated_mm if evidence.range_error_known else target.p95_mm
+        mostly = value - target.p95_mm > target.p95_mm
+        what = f"error at {target.name}"
+        errors.append(_Predicted(what, value, tolerance.target_mm, "mm", settings.free_target_mm, mostly))
     return errors

@@ -44,6 +44,7 @@ class Target:
     rms_mm: float
     p95_mm: float
     bias_mm: float
+    stated_mm: float
 
 
 @dataclass
@@ -59,6 +60,7 @@ class Found:
     mean_mm: float = 0.24
     max_mm: float = 1.4
     predicted_rotation_deg: float = 0.11
+    stated_mm: float = float("inf")
     history: list[Entry] = field(
         default_factory=lambda: [
             Entry("coarse" if k < 5 else "fine", 3 * 0.7**k, 1.0, 9 * 0.8**k, 10) for k in range(12)
@@ -71,7 +73,7 @@ class Found:
 
     @property
     def targets(self) -> list[Target]:
-        return [Target("socket centre", np.zeros(3), 0.06, 0.11, float("inf"))]
+        return [Target("socket centre", np.zeros(3), 0.06, 0.11, float("inf"), self.stated_mm)]
 
 
 def pulse(times_ps: np.ndarray, at_ps: float, height: float) -> np.ndarray:
@@ -237,6 +239,27 @@ def test_the_tolerance_decides_what_a_wrong_pose_is(tmp_path: Path, tolerance: T
     assert (said in page) is wrong
     assert f"{tolerance.rotation_deg:g}° and {tolerance.target_mm:g} mm at the targets" in page
     assert "2 of 12 lines are there. Ended: aborted." in page
+
+
+@pytest.mark.parametrize(
+    ("verdict", "at_targets_mm", "stated_mm", "wrong"),
+    [
+        ("pass", 0.4, 0.5, False),
+        ("pass", 0.6, 0.5, True),
+        ("caution", 1.3, 1.4, False),  # beyond the tolerance of 1 mm, and said so
+        ("caution", 1.3, 1.2, True),
+        ("caution", 1.3, float("nan"), True),  # nothing was stated: the tolerance counts
+        ("fail", 1.3, 1.4, True),
+    ],
+)
+def test_what_is_stated_at_the_targets_decides_too(
+    tmp_path: Path, verdict: str, at_targets_mm: float, stated_mm: float, wrong: bool
+) -> None:
+    truth = {"rotation_deg": 0.2, "translation_mm": at_targets_mm, "tre_mm": 0.5, "at_targets_mm": at_targets_mm}
+    registration = quick(verdict=verdict, stated_mm=stated_mm)
+    page, _ = report(tmp_path, small(tmp_path / "scan.db"), registration=registration, truth_error=truth)
+    assert ("WRONG POSE" in page) is wrong
+    assert ("stated at the targets" in page) is (at_targets_mm > stated_mm)
 
 
 def test_scan_alone_without_traces(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ UP = [0.0, 0.0, 1.0]
 @pytest.mark.parametrize("start", [{"towards": UP, "half_angle_deg": 20}, Cone(np.array(UP), 20.0)])
 def test_a_scan_is_found_within_its_cone(socket: registration.Model, scan_of: Callable[..., Any], start: Any) -> None:
     scan = scan_of(socket, 4)
-    found = registration.register(scan.points, socket, start=start, grid=scan.grid)
+    found = registration.register(scan.points, socket, start=start, grid=scan.grid, range_bias_mm=0.1)
     error = registration.pose_error(found.model_from_scanner, scan.truth, np.zeros(3))
     assert error.rotation_deg < 0.5
     assert error.translation_mm < 0.2
@@ -29,7 +29,9 @@ def test_a_scan_is_found_within_its_cone(socket: registration.Model, scan_of: Ca
 
 def test_a_cone_that_no_hollow_opens_to_is_refused(socket: registration.Model, scan_of: Callable[..., Any]) -> None:
     with pytest.raises(registration.StartError, match="no hollow"):
-        registration.register(scan_of(socket, 4).points, socket, start={"towards": [0, 0, -1], "half_angle_deg": 40})
+        registration.register(
+            scan_of(socket, 4).points, socket, start={"towards": [0, 0, -1], "half_angle_deg": 40}, range_bias_mm=0.1
+        )
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -41,7 +43,7 @@ def test_a_cone_that_the_scan_did_not_come_from_gives_no_pose_to_use(
     verdict = "refused"
     with contextlib.suppress(registration.StartError):
         verdict = registration.register(
-            scan.points, socket, start={"towards": [1, 0, 1.2], "half_angle_deg": 6}
+            scan.points, socket, start={"towards": [1, 0, 1.2], "half_angle_deg": 6}, range_bias_mm=0.1
         ).verdict
     assert verdict in ("refused", "fail")
 
@@ -82,7 +84,7 @@ def test_a_cone_excludes_the_mirror_image_of_a_symmetric_body() -> None:
     half_turn = pose(np.diag([-1.0, -1.0, 1.0]), np.zeros(3))
     for expected in (truth, half_turn @ truth):
         axis = expected[:3, :3] @ truth[:3, :3].T @ towards
-        found = registration.register(points, model, start={"towards": axis, "half_angle_deg": 15})
+        found = registration.register(points, model, start={"towards": axis, "half_angle_deg": 15}, range_bias_mm=0.1)
         error = registration.pose_error(found.model_from_scanner, expected, np.zeros(3))
         assert error.rotation_deg < 0.5
         assert error.translation_mm < 0.3
@@ -92,7 +94,7 @@ def test_a_cone_excludes_the_mirror_image_of_a_symmetric_body() -> None:
 def test_the_symmetry_equivalent_pose_is_reported_where_no_cone_excludes_it() -> None:
     """What the last test shows to be excluded is there without a cone."""
     points, model, _ = seen_obliquely()
-    found = registration.register(points, model)
+    found = registration.register(points, model, range_bias_mm=0.1)
     assert found.rivals[0].rotation_deg == pytest.approx(180.0, abs=1.0)
     assert found.verdict != "pass"
 
@@ -130,7 +132,7 @@ def test_rotations_lie_in_all_cones() -> None:
 def test_a_cone_that_is_none_is_refused(socket: registration.Model, given: dict[str, Any], said: str) -> None:
     points = np.random.default_rng(0).normal(0.0, 20.0, (100, 3)) + [0.0, 0.0, 900.0]
     with pytest.raises(registration.StartError, match=said):
-        registration.register(points, socket, start=given)
+        registration.register(points, socket, start=given, range_bias_mm=0.1)
 
 
 def test_the_dissertations_method_needs_a_pose(socket: registration.Model, scan_of: Callable[..., Any]) -> None:
@@ -140,4 +142,5 @@ def test_the_dissertations_method_needs_a_pose(socket: registration.Model, scan_
             socket,
             method="dissertation",
             start={"towards": UP, "half_angle_deg": 20},
+            range_bias_mm=0.1,
         )

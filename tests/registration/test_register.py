@@ -24,7 +24,7 @@ def test_a_clean_scan_with_landmarks_ends_well_inside_a_degree_and_a_millimetre(
     socket: registration.Model, scan_of: Callable[..., Any], seed: int
 ) -> None:
     scan = scan_of(socket, seed)
-    found = registration.register(scan.points, socket, start=scan.landmarks)
+    found = registration.register(scan.points, socket, start=scan.landmarks, range_bias_mm=0.1)
     error = registration.pose_error(found.model_from_scanner, scan.truth, np.zeros(3))
     assert error.rotation_deg < 1.0
     assert error.translation_mm < 0.2
@@ -36,7 +36,9 @@ def test_the_dissertations_method_registers_and_improves_monotonically(
 ) -> None:
     scan = scan_of(socket, 1, n=16)
     settings = registration.DissertationSettings(max_iterations=60, suppression_runs=2)
-    found = registration.register(scan.points, socket, start=scan.landmarks, method="dissertation", settings=settings)
+    found = registration.register(
+        scan.points, socket, start=scan.landmarks, method="dissertation", settings=settings, range_bias_mm=0.1
+    )
     error = registration.pose_error(found.model_from_scanner, scan.truth, np.zeros(3))
     assert error.rotation_deg < 2.0
     assert error.translation_mm < 0.5
@@ -49,7 +51,7 @@ def test_the_result_is_json_with_the_keys_of_the_contract(
 ) -> None:
     scan = scan_of(socket, 2, n=20)
     found = registration.register(
-        scan.points, socket, start=scan.truth, targets=[{"name": "fossa", "position": [0, 0, -29]}]
+        scan.points, socket, start=scan.truth, targets=[{"name": "fossa", "position": [0, 0, -29]}], range_bias_mm=0.1
     )
     data = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert set(data) >= CONTRACT
@@ -71,7 +73,7 @@ def test_the_result_is_json_with_the_keys_of_the_contract(
 )
 def test_bad_points_are_refused(socket: registration.Model, points: np.ndarray, message: str) -> None:
     with pytest.raises(registration.RegistrationError, match=message):
-        registration.register(points, socket, start=np.eye(4))
+        registration.register(points, socket, start=np.eye(4), range_bias_mm=0.1)
 
 
 @pytest.mark.parametrize(
@@ -88,7 +90,7 @@ def test_bad_starts_are_refused(
     socket: registration.Model, scan_of: Callable[..., Any], start: Any, message: str
 ) -> None:
     with pytest.raises(registration.StartError, match=message):
-        registration.register(scan_of(socket, 0, n=10).points, socket, start=start)
+        registration.register(scan_of(socket, 0, n=10).points, socket, start=start, range_bias_mm=0.1)
 
 
 def test_importing_the_package_loads_no_heavy_module() -> None:

@@ -33,7 +33,7 @@ def test_finds_the_pose_from_anywhere_under_tissue(
     socket: registration.Model, scan_of: Callable[..., Any], seed: int
 ) -> None:
     scan = scan_of(socket, seed)
-    found = registration.register(with_tissue(scan, seed, 0.4), socket, grid=scan.grid)
+    found = registration.register(with_tissue(scan, seed, 0.4), socket, grid=scan.grid, range_bias_mm=0.1)
     error = registration.pose_error(found.model_from_scanner, scan.truth, np.zeros(3))
     assert error.rotation_deg < 1.0
     assert error.translation_mm < 0.3
@@ -46,7 +46,7 @@ def test_a_socket_that_is_no_sphere_is_found(
 ) -> None:
     oval = registration.prepare_model(socket.vertices * [1.06, 0.95, 1.02], socket.faces)
     scan = scan_of(oval, 20 + seed)
-    found = registration.register(with_tissue(scan, seed, 0.4), oval, grid=scan.grid)
+    found = registration.register(with_tissue(scan, seed, 0.4), oval, grid=scan.grid, range_bias_mm=0.1)
     error = registration.pose_error(found.model_from_scanner, scan.truth, np.zeros(3))
     assert error.rotation_deg < 1.0
     assert error.translation_mm < 0.3
@@ -57,7 +57,9 @@ def test_steep_walls_bias_nothing(socket: registration.Model, scan_of: Callable[
     turns, predicted = [], []
     for seed in range(6):
         scan = scan_of(socket, 200 + seed, n=50)
-        found = registration.register(scan.points, socket, start=scan.truth, grid=scan.grid, noise_mm=0.35)
+        found = registration.register(
+            scan.points, socket, start=scan.truth, grid=scan.grid, noise_mm=0.35, range_bias_mm=0.1
+        )
         turns.append(registration.pose_error(found.model_from_scanner, scan.truth, np.zeros(3)).rotation_deg)
         predicted.append(found.predicted_rotation_deg)
     assert np.sqrt(np.mean(np.square(turns))) < 1.4 * np.mean(predicted)
@@ -73,7 +75,7 @@ def test_a_scan_that_reaches_beyond_a_cut_out_shell_is_found(
     inner = (corners[:, :, 2].max(axis=1) < cut_mm) & (np.linalg.norm(corners.mean(axis=1), axis=1) < 31.0)
     shell = registration.prepare_model(socket.vertices, socket.faces[inner])
     scan = scan_of(socket, 40 + seed)
-    found = registration.register(scan.points, shell, grid=scan.grid)
+    found = registration.register(scan.points, shell, grid=scan.grid, range_bias_mm=0.1)
     error = registration.pose_error(found.model_from_scanner, scan.truth, np.zeros(3))
     assert error.rotation_deg < 0.5
     assert error.translation_mm < 0.2
@@ -91,7 +93,7 @@ def test_a_real_bone_is_found_in_its_own_frame(shared_bone: Path, scan_of: Calla
     model_from_local = pose(basis, view.centre)
     local = registration.prepare_model(transform(inverse(model_from_local), model.vertices), model.faces)
     scan = scan_of(local, seed, n=44)
-    found = registration.register(with_tissue(scan, seed, 0.4), model)
+    found = registration.register(with_tissue(scan, seed, 0.4), model, range_bias_mm=0.1)
     error = registration.pose_error(found.model_from_scanner, model_from_local @ scan.truth, view.centre)
     assert error.rotation_deg < 1.0
     assert error.translation_mm < 0.5
@@ -99,7 +101,7 @@ def test_a_real_bone_is_found_in_its_own_frame(shared_bone: Path, scan_of: Calla
 
 def test_the_same_input_gives_the_same_bits(socket: registration.Model, scan_of: Callable[..., Any]) -> None:
     points = with_tissue(scan_of(socket, 3), 3, 0.4)
-    first, second = (registration.register(points, socket) for _ in range(2))
+    first, second = (registration.register(points, socket, range_bias_mm=0.1) for _ in range(2))
     assert first.model_from_scanner.tobytes() == second.model_from_scanner.tobytes()
     assert first.covariance.tobytes() == second.covariance.tobytes()
 
@@ -117,9 +119,11 @@ def test_the_frames_do_not_matter(
     b = pose(rotation_from_vector(rng.normal(size=3)), rng.normal(size=3) * offset)
     moved = registration.prepare_model(transform(a, socket.vertices), socket.faces)
     order = rng.permutation(len(scan.points))
-    base = registration.register(scan.points, socket, start=scan.truth).model_from_scanner
+    base = registration.register(scan.points, socket, start=scan.truth, range_bias_mm=0.1).model_from_scanner
     start = a @ scan.truth @ inverse(b)
-    found = registration.register(transform(b, scan.points)[order], moved, start=start, origin=b[:3, 3])
+    found = registration.register(
+        transform(b, scan.points)[order], moved, start=start, origin=b[:3, 3], range_bias_mm=0.1
+    )
     back = inverse(a) @ found.model_from_scanner @ b
     error = registration.pose_error(back, base, np.zeros(3))
     assert np.linalg.det(found.model_from_scanner[:3, :3]) == pytest.approx(1.0, abs=1e-12)
@@ -129,7 +133,7 @@ def test_the_frames_do_not_matter(
 
 def test_the_truth_is_a_fixed_point_without_noise(socket: registration.Model, scan_of: Callable[..., Any]) -> None:
     scan = scan_of(socket, 2, noise_mm=0.0)
-    found = registration.register(scan.points, socket, start=scan.truth)
+    found = registration.register(scan.points, socket, start=scan.truth, range_bias_mm=0.1)
     error = registration.pose_error(found.model_from_scanner, scan.truth, np.zeros(3))
     assert error.rotation_deg < 1e-3
     assert error.translation_mm < 1e-3
@@ -141,7 +145,9 @@ def test_predicted_errors_are_honest(socket: registration.Model, scan_of: Callab
     ratio = []
     for seed in range(12):
         scan = scan_of(socket, 100 + seed)
-        found = registration.register(scan.points, socket, start=scan.truth, targets=np.zeros((1, 3)))
+        found = registration.register(
+            scan.points, socket, start=scan.truth, targets=np.zeros((1, 3)), range_bias_mm=0.1
+        )
         error = registration.pose_error(found.model_from_scanner, scan.truth, np.zeros(3))
         turn = error.rotation_deg / found.predicted_rotation_deg
         shift = error.translation_mm / found.targets[0].rms_mm
@@ -155,8 +161,8 @@ def test_covariances_and_noise_are_taken_as_given(socket: registration.Model, sc
     scan = scan_of(socket, 4)
     beams = scan.points / np.linalg.norm(scan.points, axis=1, keepdims=True)
     covariance = 0.35**2 * np.einsum("ni,nj->nij", beams, beams) + 0.02**2 * np.eye(3)
-    found = registration.register(scan.points, socket, start=scan.truth, covariance=covariance)
-    plain = registration.register(scan.points, socket, start=scan.truth, noise_mm=0.35)
+    found = registration.register(scan.points, socket, start=scan.truth, covariance=covariance, range_bias_mm=0.1)
+    plain = registration.register(scan.points, socket, start=scan.truth, noise_mm=0.35, range_bias_mm=0.1)
     assert found.predicted_rotation_deg == pytest.approx(plain.predicted_rotation_deg, rel=0.1)
     assert plain.noise_mm == 0.35
 
@@ -164,7 +170,7 @@ def test_covariances_and_noise_are_taken_as_given(socket: registration.Model, sc
 def test_excluded_regions_take_no_part(socket: registration.Model, scan_of: Callable[..., Any]) -> None:
     scan = scan_of(socket, 5)
     region = {"center": [0.0, 0.0, -29.6], "radius_mm": 12.0}
-    found = registration.register(scan.points, socket, start=scan.truth, exclude=[region])
+    found = registration.register(scan.points, socket, start=scan.truth, exclude=[region], range_bias_mm=0.1)
     moved = transform(found.model_from_scanner, scan.points)
     in_region = np.linalg.norm(moved - region["center"], axis=1) < 11.5
     assert in_region.sum() > 50
@@ -175,7 +181,7 @@ def test_excluded_regions_take_no_part(socket: registration.Model, scan_of: Call
 @pytest.mark.parametrize("seed", range(2))
 def test_a_mirrored_model_never_passes(socket: registration.Model, scan_of: Callable[..., Any], seed: int) -> None:
     mirrored = registration.prepare_model(socket.vertices * [-1.0, 1.0, 1.0], socket.faces[:, ::-1])
-    found = registration.register(with_tissue(scan_of(socket, seed), seed, 0.3), mirrored)
+    found = registration.register(with_tissue(scan_of(socket, seed), seed, 0.3), mirrored, range_bias_mm=0.1)
     assert found.verdict != "pass"
     assert found.reasons
 
@@ -202,7 +208,7 @@ def test_a_sphere_or_a_plane_leaves_the_pose_free(
     model = make()
     scan = scan_of(model, 1, n=30)
     keep = np.linalg.norm(transform(scan.truth, scan.points)[:, :2], axis=1) < 22.0
-    found = registration.register(scan.points[keep], model, start="any" if anywhere else scan.truth)
+    found = registration.register(scan.points[keep], model, start="any" if anywhere else scan.truth, range_bias_mm=0.1)
     assert found.verdict == "fail"
     assert np.isfinite(found.model_from_scanner).all()
     assert found.predicted_rotation_deg > 1.0
@@ -211,7 +217,7 @@ def test_a_sphere_or_a_plane_leaves_the_pose_free(
 
 def test_points_far_from_what_the_model_is_fail(socket: registration.Model) -> None:
     cloud = np.random.default_rng(0).normal(0.0, 20.0, (500, 3)) + [0.0, 0.0, 900.0]
-    assert registration.register(cloud, socket).verdict == "fail"
+    assert registration.register(cloud, socket, range_bias_mm=0.1).verdict == "fail"
 
 
 def test_a_start_beside_the_model_is_refused(socket: registration.Model, scan_of: Callable[..., Any]) -> None:
@@ -219,12 +225,12 @@ def test_a_start_beside_the_model_is_refused(socket: registration.Model, scan_of
     beside = scan.truth.copy()
     beside[:3, 3] += [500.0, 0.0, 0.0]
     with pytest.raises(registration.StartError, match="beside the model"):
-        registration.register(scan.points, socket, start=beside)
+        registration.register(scan.points, socket, start=beside, range_bias_mm=0.1)
 
 
 def test_a_cloud_in_metres_is_refused(socket: registration.Model, scan_of: Callable[..., Any]) -> None:
     with pytest.raises(registration.PointsError, match="metres"):
-        registration.register(scan_of(socket, 0, n=12).points / 1000.0, socket)
+        registration.register(scan_of(socket, 0, n=12).points / 1000.0, socket, range_bias_mm=0.1)
 
 
 def prism() -> registration.Model:
@@ -242,7 +248,7 @@ def test_a_prism_is_found_from_anywhere_but_for_its_symmetry() -> None:
     truth = pose(facing, np.array([5.0, 3.0, 900.0]))
     points = transform(inverse(truth), model.vertices)
     points[:, 2] += np.random.default_rng(0).normal(0.0, 0.27, len(points))
-    found = registration.register(points, model)
+    found = registration.register(points, model, range_bias_mm=0.1)
     half_turn = pose(np.diag([-1.0, -1.0, 1.0]), np.zeros(3))
     moved = min(
         (found.model_from_scanner @ inverse(t) for t in (truth, half_turn @ truth)),

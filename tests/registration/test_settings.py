@@ -35,21 +35,28 @@ def test_every_setting_has_a_sentence() -> None:
 
 def test_register_hears_its_settings(socket: registration.Model, scan_of: Callable[..., Any]) -> None:
     scan = scan_of(socket, 4)
-    usual = registration.register(scan.points, socket, start=scan.truth)
+    usual = registration.register(scan.points, socket, start=scan.truth, range_bias_mm=0.1)
     strict = RobustSettings(trust=replace(RobustSettings().trust, rotation_sds=1000.0))
     narrow = RobustSettings(beam_fit=replace(RobustSettings().beam_fit, max_residual_sigma=1.0))
     assert usual.verdict == "pass"
-    assert registration.register(scan.points, socket, start=scan.truth, settings=strict).verdict == "fail"
-    fewer = registration.register(scan.points, socket, start=scan.truth, settings=narrow).inliers.mean()
+    assert (
+        registration.register(scan.points, socket, start=scan.truth, settings=strict, range_bias_mm=0.1).verdict
+        == "fail"
+    )
+    fewer = registration.register(
+        scan.points, socket, start=scan.truth, settings=narrow, range_bias_mm=0.1
+    ).inliers.mean()
     assert fewer < 0.8 < usual.inliers.mean()
 
 
 def test_settings_of_the_other_method_are_refused(socket: registration.Model, scan_of: Callable[..., Any]) -> None:
     scan = scan_of(socket, 4, n=12)
     with pytest.raises(registration.RegistrationError, match="takes RobustSettings"):
-        registration.register(scan.points, socket, settings=registration.DissertationSettings())
+        registration.register(scan.points, socket, settings=registration.DissertationSettings(), range_bias_mm=0.1)
     with pytest.raises(registration.RegistrationError, match="takes DissertationSettings"):
-        registration.register(scan.points, socket, start=scan.truth, method="dissertation", settings=RobustSettings())
+        registration.register(
+            scan.points, socket, start=scan.truth, method="dissertation", settings=RobustSettings(), range_bias_mm=0.1
+        )
 
 
 def test_a_model_prepared_otherwise_is_another_model(socket: registration.Model) -> None:

@@ -48,7 +48,7 @@ def largest_error(found: registration.Registration, points: np.ndarray, truth: n
 @pytest.mark.parametrize("seed", range(1, 7))
 def test_a_start_at_the_truth_stays_there(box: registration.Model, seed: int) -> None:
     points = top_and_strips(seed)
-    found = registration.register(points, box, start=np.eye(4), origin=SCANNER_MM)
+    found = registration.register(points, box, start=np.eye(4), origin=SCANNER_MM, range_bias_mm=0.1)
     turn, shift = largest_error(found, points, np.eye(4))
     assert turn < 0.05
     assert shift < 0.05
@@ -59,7 +59,7 @@ def test_a_start_at_the_truth_stays_there(box: registration.Model, seed: int) ->
 @pytest.mark.parametrize("seed", range(1, 7))
 def test_from_anywhere_a_box_is_found_but_for_its_symmetry(box: registration.Model, seed: int) -> None:
     points = top_and_strips(seed)
-    found = registration.register(points, box, origin=SCANNER_MM)
+    found = registration.register(points, box, origin=SCANNER_MM, range_bias_mm=0.1)
     poses = [found.model_from_scanner, *(rival.model_from_scanner for rival in found.rivals)]
     twins = [pose(turn, np.zeros(3)) for turn in HALF_TURNS]
     assert min(float(np.abs(one - twin).max()) for one in poses for twin in twins) < 0.05
@@ -78,7 +78,7 @@ def test_a_start_beside_the_truth_is_drawn_to_it(
     middle = pose(np.eye(3), points.mean(axis=0))
     turned = pose(rotation_from_vector(np.radians(turn_deg) * axis / np.linalg.norm(axis)), np.zeros(3))
     start = pose(np.eye(3), shift_mm * way / np.linalg.norm(way)) @ middle @ turned @ inverse(middle)
-    found = registration.register(points, box, start=start, origin=SCANNER_MM)
+    found = registration.register(points, box, start=start, origin=SCANNER_MM, range_bias_mm=0.1)
     turn, shift = largest_error(found, points, np.eye(4))
     assert turn < 0.05
     assert shift < 0.05
@@ -121,7 +121,9 @@ def test_points_just_beside_a_closed_body_make_a_pass_a_caution(
     seen = points[np.einsum("ij,ij->i", mesh.face_normals[faces], SCANNER_MM - points) > 0.0]
     others = seen[seen[:, 2] > SIDES_MM[2] / 2.0 - 1e-6][:20].copy()  # of the top, moved beyond the far side
     others[:, 0] = -SIDES_MM[0] / 2.0 - beside_mm
-    found = registration.register(np.concatenate([seen, others]), box, start=np.eye(4), origin=SCANNER_MM)
+    found = registration.register(
+        np.concatenate([seen, others]), box, start=np.eye(4), origin=SCANNER_MM, range_bias_mm=0.1
+    )
     assert largest_error(found, seen, np.eye(4))[1] < 0.05
     assert found.verdict == verdict, found.reasons
     assert any("just beside the model" in reason for reason in found.reasons) == (verdict == "caution")

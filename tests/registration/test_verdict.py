@@ -16,12 +16,12 @@ SETTINGS = TrustSettings()
 
 
 def target(p95_mm: float, bias_mm: float = 0.0) -> Target:
-    return Target("centre", np.zeros(3), p95_mm / 2.0, p95_mm, bias_mm)
+    return Target("centre", np.zeros(3), p95_mm / 2.0, p95_mm, bias_mm, p95_mm + 2.0 * bias_mm)
 
 
 GOOD = Evidence(
     rotation_sd_deg=0.1,
-    targets=[target(0.3, 0.2)],
+    targets=[target(0.3, 0.1)],
     points=1000,
     inliers=900,
     inside_share=0.0,
@@ -29,11 +29,12 @@ GOOD = Evidence(
     misfit_mm=0.0,
     rivals=[],
     confident=True,
+    range_error_known=True,
 )
 RIVAL = Rival(np.eye(4), 1.0, 12.3, 4.5)
 
 
-def test_good_evidence_passes_with_the_sum_of_random_error_and_bias() -> None:
+def test_good_evidence_passes_with_the_random_error_and_two_deviations_of_the_common_one() -> None:
     verdict, reasons = judge(GOOD, Tolerance(), SETTINGS)
     assert verdict == "pass"
     assert reasons == [
@@ -68,9 +69,12 @@ def test_the_clinic_asks_for_a_degree_and_a_millimetre() -> None:
         ({"rotation_sd_deg": 1.01}, "fail", "reaches 2.02 deg"),
         ({"rotation_sd_deg": 45.0}, "fail", "reaches 90.00 deg"),
         ({"rotation_sd_deg": 45.1}, "fail", "The points leave the rotation free"),
-        ({"targets": [target(0.6, 0.4)]}, "pass", "Predicted rotation"),
-        ({"targets": [target(0.6, 0.5)]}, "caution", "The predicted error at centre reaches 1.10 mm (95 %)"),
-        ({"targets": [target(1.6, 0.5)]}, "fail", "reaches 2.10 mm"),
+        ({"targets": [target(0.6, 0.2)]}, "pass", "Predicted rotation"),
+        ({"targets": [target(0.6, 0.25)]}, "caution", "The predicted error at centre reaches 1.10 mm (95 %)"),
+        ({"targets": [target(0.6, 0.25)]}, "caution", "the limit is 1 mm: scan more"),
+        ({"targets": [target(0.3, 0.4)]}, "caution", "most of it a common range error: measure the material again"),
+        ({"targets": [target(1.6, 0.25)]}, "fail", "reaches 2.10 mm"),
+        ({"range_error_known": False}, "caution", "(picoradar bench penetration --material bone)"),
         ({"targets": [target(100.0)]}, "fail", "reaches 100.00 mm"),
         ({"targets": [target(101.0)]}, "fail", "The points leave the error at centre free"),
         (
@@ -114,7 +118,7 @@ def test_what_fails_follows_it_too(change: dict[str, Any], tolerance: Tolerance,
 
 @pytest.mark.parametrize(
     ("targets", "words"),
-    [([target(0.2), target(0.3, 0.4), target(0.5)], "every target is under 0.70 mm"), ([], "is under 0.00 mm")],
+    [([target(0.2), target(0.3, 0.2), target(0.5)], "every target is under 0.70 mm"), ([], "is under 0.00 mm")],
 )
 def test_a_pass_names_the_worst_target(targets: list[Target], words: str) -> None:
     assert words in judge(replace(GOOD, targets=targets), Tolerance(), SETTINGS)[1][0]
@@ -124,3 +128,11 @@ def test_what_fails_is_said_before_what_cautions() -> None:
     verdict, reasons = judge(replace(GOOD, confident=False, inliers=100), Tolerance(), SETTINGS)
     assert verdict == "fail"
     assert [reason.split()[0] for reason in reasons] == ["Only", "The"]
+
+
+def test_a_range_error_that_was_never_measured_is_never_a_pass_and_hides_no_other_limit() -> None:
+    unknown = replace(GOOD, range_error_known=False, targets=[target(0.3, float("nan"))])
+    verdict, reasons = judge(unknown, Tolerance(), SETTINGS)
+    assert verdict == "caution"
+    assert "--range-bias-mm" in reasons[0]
+    assert judge(replace(unknown, targets=[target(2.5, float("nan"))]), Tolerance(), SETTINGS)[0] == "fail"

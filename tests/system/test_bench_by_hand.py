@@ -24,6 +24,7 @@ from picoradar.instrument.procedures.geometry import Pose
 from picoradar.instrument.procedures.geometry import procedure as geometry
 from picoradar.instrument.procedures.gray_target import procedure as gray_target
 from picoradar.instrument.procedures.gray_target import templates
+from picoradar.instrument.procedures.penetration import procedure as penetration
 from picoradar.instrument.procedures.prism import procedure as prism
 from picoradar.instrument.procedures.scanner import procedure as scanner
 from picoradar.instrument.procedures.station import Outcome, Placing, Radar, Station
@@ -39,6 +40,7 @@ SMALL: dict[str, tuple[int, Callable[[Station], Outcome]]] = {
     "distance": (27, lambda s: distance.run(s, readings=6, short=3)),
     "drift": (2, lambda s: drift.run(s, hours=0.05, interval_s=18.0, readings=2)),
     "scanner": (6, lambda s: scanner.run(s, steps=4)),
+    "penetration": (1, lambda s: penetration.run(s, tilts_deg=(0.0,), step_mm=2.0)),
 }
 """Questions that a small run asks, and the run."""
 SETTINGS_OF_SIM = SimulationSettings()

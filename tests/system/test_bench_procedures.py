@@ -24,6 +24,7 @@ from picoradar.instrument.procedures.geometry import Pose
 from picoradar.instrument.procedures.geometry import procedure as geometry
 from picoradar.instrument.procedures.gray_target import procedure as gray_target
 from picoradar.instrument.procedures.gray_target import templates
+from picoradar.instrument.procedures.penetration import procedure as penetration
 from picoradar.instrument.procedures.prism import procedure as prism
 from picoradar.instrument.procedures.scanner import procedure as scanner
 from picoradar.instrument.procedures.station import Outcome, Placing, Radar, Station, write_outcome
@@ -44,6 +45,7 @@ SMALL: dict[str, Small] = {
     "drift": lambda s: drift.run(s, hours=0.5, interval_s=180.0, readings=6),
     "scanner": lambda s: scanner.run(s, steps=10, repeats=8),
     "transmitter": lambda s: transmitter.run(s, volts=(270.0, 290.0), degc=(23.0,)),
+    "penetration": lambda s: penetration.run(s, tilts_deg=(0.0,), step_mm=2.0),
 }
 FEWER: dict[str, Small] = {  # enough to see that something else stands there
     "drift": lambda s: drift.run(s, hours=0.05, interval_s=18.0, readings=2),
@@ -83,6 +85,10 @@ def test_gray_target_makes_a_calibration_that_holds_on_cards_held_back(station: 
     assert outcome.calibration.date == DATE
     assert outcome.calibration.serial_numbers["sampler"] == "SB-0001"
     assert outcome.calibration.range_zero_mm == pytest.approx(station.calibration.range_zero_mm, abs=0.03)
+    assert outcome.calibration.range_zero_sd_mm == pytest.approx(
+        0.112, abs=0.003
+    )  # 0.05 of the stage, 0.1 from day to day
+    assert outcome.calibration.materials == station.calibration.materials  # the step against paint outlives the zero
     assert outcome.calibration.pointing_sd_rad == station.calibration.pointing_sd_rad
 
 
@@ -90,6 +96,10 @@ def test_geometry_says_what_it_knows_and_writes_a_whole_report(station: Station,
     outcome = SMALL["geometry"](station)
     assert outcome.passed, outcome.findings
     assert outcome.figures["y_offset_rad"] is None
+    assert outcome.calibration is not None
+    assert outcome.calibration.geometry is not None
+    zero_sd_mm = outcome.calibration.geometry.sd["range_zero_mm"]
+    assert outcome.calibration.range_zero_sd_mm == pytest.approx((zero_sd_mm**2 + 0.1**2) ** 0.5)
     assert abs(float(outcome.figures["x_scale"] or 0)) < 4 * float(outcome.figures["x_scale_sd"] or 0)
     result = write_outcome(station.folder, outcome, settings=bench.settings, seed=1)
     names = {path.name for path in station.folder.iterdir()}
@@ -244,7 +254,8 @@ class WrongStage:
         self._readings = 0
 
     def place(self, wanted: Placing) -> float:
-        self._stage.place(Placing(self._body, self._distance_mm or wanted.distance_mm, gray=0.5))
+        gray = None if self._body == "coated" else 0.5
+        self._stage.place(Placing(self._body, self._distance_mm or wanted.distance_mm, gray=gray))
         return wanted.distance_mm
 
     def read_scale(self) -> tuple[float, float]:
@@ -328,6 +339,10 @@ def test_a_target_out_of_range_ends_with_a_finding(bench: Session, tmp_path: Pat
         ("drift", "prism", None, RIDGE_OFF),
         ("drift", "plate", None, "not darker"),
         ("scanner", "plate", 1900.0, "does not follow the beam"),
+        ("penetration", "plate", None, "equally bright and equally far"),
+        ("penetration", "step", None, "more than any tissue"),
+        ("penetration", "prism", None, "no flat piece"),
+        ("penetration", "coated", 850.0, "was found at 850"),
     ],
 )
 def test_a_wrong_target_ends_with_a_finding(

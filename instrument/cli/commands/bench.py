@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import datetime
+import functools
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -17,13 +19,15 @@ if TYPE_CHECKING:
     from picoradar.instrument.procedures.station import Outcome, Progress, Station
     from picoradar.instrument.settings import Settings
 
-NAMES = ("transmitter", "distance", "gray-target", "templates", "scanner", "geometry", "prism", "drift")
+NAMES = ("transmitter", "distance", "gray-target", "templates", "scanner", "geometry", "prism", "drift", "penetration")
 
 
 def add_to(app: typer.Typer) -> None:
     """Register the subcommand."""
     app.command(
-        epilog="Examples: picoradar bench gray-target --out gray\n\npicoradar bench prism --settings bench.toml --json"
+        epilog="Examples: picoradar bench gray-target --out gray\n\n"
+        "picoradar bench prism --settings bench.toml --json\n\n"
+        "picoradar bench penetration --material bone --coat-mm 0.1 --out penetration"
     )(bench)
 
 
@@ -42,26 +46,30 @@ def bench(
     date: Annotated[
         str | None, typer.Option(help="Date that a new calibration carries, for example 2026-01-31T12:00:00Z.")
     ] = None,
+    material: Annotated[
+        str | None, typer.Option(help="penetration: what the half painted piece is made of (bone).")
+    ] = None,
+    coat_mm: Annotated[
+        float | None, typer.Option(help="penetration: thickness of its paint, by micrometer, mm.", min=0.02, max=2.0)
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Report folder to make (must not exist).")] = None,
     json: options.Json = False,
 ) -> None:
     """Calibrate the radar or test its accuracy; write a report folder, and a calibration where one results."""
     from picoradar.instrument.cli import session
     from picoradar.instrument.cli.simulated import checked_simulation
-    from picoradar.instrument.procedures import PROCEDURES
     from picoradar.instrument.procedures.station import write_outcome
 
-    if name not in PROCEDURES:
-        raise BadInput(f"bench {name!r}: no such procedure; there are {', '.join(PROCEDURES)}")
     stamp = _date(date)
     given = options.ScanOptions(seed=seed, world=world, averages=averages)
     wanted = _settings(settings, given, hidden_errors=hidden_errors)
+    wanted, procedure = _chosen(name, wanted, material, coat_mm)
     folder = out or Path(f"picoradar-{name}")
     make_folder(folder, "give another report folder with --out", exist_ok=False)
     try:
         with session.session(wanted, options.parse_speed(speed), faults=faults) as run:
             session.warm_up(run)
-            outcome = _measure(run, folder, name, stamp)
+            outcome = _measure(run, procedure, _Report(folder, name, stamp))
     except Interrupted as stopped:
         raw = folder / "raw"
         kept = f"readings so far are in {raw}" if any(raw.glob("*.db")) else "no readings were kept"
@@ -105,26 +113,69 @@ def _date(text: str | None) -> datetime.datetime | None:
     return date
 
 
-def _measure(run: Session, folder: Path, name: str, date: datetime.datetime | None) -> Outcome:
+def _chosen(
+    name: str, settings: Settings, material: str | None, coat_mm: float | None
+) -> tuple[Settings, Callable[[Station], Outcome]]:
+    """Return settings and procedure of a name; for a half painted piece the simulated bench puts up one as described.
+
+    Raises
+    ------
+    BadInput
+        When there is no such procedure or piece, or nobody has said how thick the paint on a real one is.
+    """
     from picoradar.instrument.procedures import PROCEDURES
 
-    def report(share: float, note: str) -> None:
+    if name not in PROCEDURES:
+        raise BadInput(f"bench {name!r}: no such procedure; there are {', '.join(PROCEDURES)}")
+    if name != "penetration":
+        if material is not None or coat_mm is not None:
+            raise BadInput(f"bench {name}: --material and --coat-mm are for the half painted piece of penetration")
+        return settings, PROCEDURES[name]
+    return _of_piece(settings, material, coat_mm)
+
+
+def _of_piece(
+    settings: Settings, material: str | None, coat_mm: float | None
+) -> tuple[Settings, Callable[[Station], Outcome]]:
+    from picoradar.instrument.cli.simulated import checked_simulation
+    from picoradar.instrument.procedures.penetration import procedure
+    from picoradar.instrument.settings import override
+
+    name = options.checked_material(material) or procedure.MATERIAL
+    if settings.bench == "simulated":
+        settings = override(settings, {"simulation": {"sample_material": name, "coat_mm": coat_mm}})
+        coat_mm = float(checked_simulation(settings).model_dump()["coat_mm"])
+    elif coat_mm is None:
+        raise BadInput("bench penetration: give the thickness of the paint with --coat-mm, measured by micrometer")
+    return settings, functools.partial(procedure.run, material=name, coat_mm=coat_mm)
+
+
+class _Report(NamedTuple):
+    """Where a procedure writes, its name, and the date that a new calibration carries."""
+
+    folder: Path
+    name: str
+    date: datetime.datetime | None
+
+
+def _measure(run: Session, procedure: Callable[[Station], Outcome], report: _Report) -> Outcome:
+    def say(share: float, note: str) -> None:
         output.console().print(f"{share:4.0%} {note}", markup=False)
 
     if run.simulated is None:  # a bar that is redrawn would overwrite the questions to the person
-        return PROCEDURES[name](_station(run, name, folder, report, date))
+        return procedure(_station(run, report, say))
     with output.progress() as bar:
-        task = bar.add_task(name, total=100, note="")
+        task = bar.add_task(report.name, total=100, note="")
 
         def show(share: float, note: str) -> None:
             bar.update(task, completed=100 * share, note=note)
 
-        outcome = PROCEDURES[name](_station(run, name, folder, show, date))
+        outcome = procedure(_station(run, report, show))
         bar.update(task, completed=100, note="done")
         return outcome
 
 
-def _station(run: Session, name: str, folder: Path, progress: Progress, date: datetime.datetime | None) -> Station:
+def _station(run: Session, report: _Report, progress: Progress) -> Station:
     from picoradar.instrument.cli.light_meters import light_meters
     from picoradar.instrument.cli.person import Person
     from picoradar.instrument.cli.stages import PersonStage, SimulatedStage
@@ -132,10 +183,10 @@ def _station(run: Session, name: str, folder: Path, progress: Progress, date: da
 
     person = Person(run.controller.rest)
     stage = PersonStage(person) if run.simulated is None else SimulatedStage(run.simulated)
-    meters = light_meters(run, person) if name == "transmitter" else None
+    meters = light_meters(run, person) if report.name == "transmitter" else None
     seed = run.settings.seed if run.simulated is not None else None
     radar = Radar(run.controller, run.settings, run.calibration, run.identities, seed)
-    return Station(radar, stage, folder, progress, date=date, meters=meters)
+    return Station(radar, stage, report.folder, progress, date=report.date, meters=meters)
 
 
 def _shown(outcome: Outcome, folder: Path) -> dict[str, object]:

@@ -13,7 +13,7 @@ from picoradar.instrument.cli import options, output
 from picoradar.instrument.errors import BadInput
 
 if TYPE_CHECKING:
-    from picoradar.instrument.calibration import Calibration
+    from picoradar.instrument.calibration import Calibration, Material, Ranging
     from picoradar.instrument.settings import Settings
 
 Files = Annotated[list[Path] | None, typer.Argument(help="Calibration files, or folders to search; none: this folder.")]
@@ -140,9 +140,16 @@ def _summary(one: Calibration) -> dict[str, object]:
         "serial_numbers": one.serial_numbers,
         "diode_degc": one.diode_degc,
         "range_zero_mm": one.range_zero_mm,
+        "range_zero_sd_mm": one.range_zero_sd_mm,
+        "materials": {name: _ranged(entries) for name, entries in one.materials.items()},
         "walk_valid_mv": {method: walk.valid_mv for method, walk in one.walk.items()},
         "templates": one.templates is not None,
         "mirror_separation_mm": one.mirror_separation_mm,
         **{name: getattr(s, name) for name in type(s).model_fields},
         **{f"{name}_sd": sd for name, sd in (one.geometry.sd if one.geometry else {}).items()},
     }
+
+
+def _ranged(entries: Mapping[Ranging, Material]) -> dict[str, object]:
+    """Return bias, its standard deviations, date and method for each way of ranging."""
+    return {ranging: entry.model_dump(mode="json") for ranging, entry in entries.items()}

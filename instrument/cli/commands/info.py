@@ -46,7 +46,7 @@ def info(
     if json:
         output.print_json(result)
     else:
-        shown = ("lines", "lines_ok", "complete", "stop_reason", "seed", "raster", "scanner", "versions")
+        shown = ("lines", "lines_ok", "complete", "stop_reason", "seed", "raster", "range_error", "scanner", "versions")
         output.print_table(str(recording), {k: result[k] for k in shown})
         for line in bad:
             output.console().print(f"line {line['line']}: {line['problem']}")
@@ -67,6 +67,7 @@ def describe_recording(scan: Recording) -> dict[str, object]:
         "seed": header.get("seed"),
         "stop_reason": scan.stop_reason,
         "raster": header.get("raster"),
+        "range_error": header.get("range_error"),
         "versions": header.get("versions"),
         "scanner": header.get("scanner"),
         "damaged": damaged,

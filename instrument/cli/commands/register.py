@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -16,7 +18,7 @@ from picoradar.instrument.events import JsonObject
 
 if TYPE_CHECKING:
     from picoradar.instrument.files.points import PointFile
-    from picoradar.registration import Registration, Tolerance
+    from picoradar.registration import Registration, Target, Tolerance
 
 Method = Annotated[str, typer.Option(help="robust, or dissertation (ICP of the thesis; needs landmarks or a pose).")]
 Start = Annotated[
@@ -39,7 +41,7 @@ def add_to(app: typer.Typer) -> None:
     """Register the subcommand."""
     app.command(
         epilog="Examples: picoradar register scan.db hip.stl --landmarks clicks.json\n\n"
-        "picoradar register cloud.csv hip.stl --scanner-origin 0,0,0 --json"
+        "picoradar register cloud.csv hip.stl --scanner-origin 0,0,0 --range-bias-mm 0.4 --json"
     )(register)
 
 
@@ -59,6 +61,10 @@ def register(
     noise_mm: Annotated[
         float | None, typer.Option(help="Range noise of a point, mm; estimated when not given.")
     ] = None,
+    range_bias_mm: Annotated[
+        float | None,
+        typer.Option(help="SD of a range error common to all points, mm; by default what the recording knows of it."),
+    ] = None,
     tolerance: ToleranceOption = None,
     method: Method = "robust",
     start: Start = "any",
@@ -76,20 +82,18 @@ def register(
     began = time.perf_counter()
     prepared = reg.load_model(model)
     prepared_at = time.perf_counter()
-    origin = (
-        points.origin if scanner_origin is None else parse_numbers(scanner_origin, 3, "--scanner-origin", "x,y,z in mm")
-    )
     result = reg.register(
         points.points,
         prepared,
         start=begin,
-        origin=(0.0, 0.0, 0.0) if origin is None else origin,
+        origin=_origin(points, scanner_origin),
         covariance=points.covariance,
         response_mv=points.response_mv,
         grid=points.grid,
         method=chosen,
         targets=places,
         noise_mm=noise_mm,
+        range_bias_mm=points.range_bias_mm if range_bias_mm is None else range_bias_mm,
         exclude=regions,
         tolerance=allowed,
     )
@@ -102,6 +106,13 @@ def register(
         show(points, result)
     if result.verdict == "fail":
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
+
+
+def _origin(points: PointFile, said: str | None) -> Sequence[float]:
+    """Get where the beams came from: as said, as the file has it, or the scanner frame's own origin."""
+    if said is not None:
+        return parse_numbers(said, 3, "--scanner-origin", "x,y,z in mm")
+    return (0.0, 0.0, 0.0) if points.origin is None else points.origin.tolist()
 
 
 def describe(result: Registration, tolerance: Tolerance, *, prepare_ms: float, register_ms: float) -> JsonObject:
@@ -157,8 +168,15 @@ def show(points: PointFile, result: Registration) -> None:
     }
     for target in result.targets:
         random = f"{target.rms_mm:.3f} rms, {target.p95_mm:.3f} in 95 %"
-        rows[f"predicted error at {target.name}, mm"] = f"{random}, plus a bias up to {target.bias_mm:.3f}"
+        rows[f"predicted error at {target.name}, mm"] = f"{random}; {in_words(target)}"
     for rival in result.rivals:
         rows["rival pose"] = f"{rival.rotation_deg:.1f} deg, {rival.translation_mm:.1f} mm away"
     rows["model_from_scanner"] = "\n".join(" ".join(f"{v:10.5f}" for v in row) for row in result.model_from_scanner)
     output.print_table("registration", rows)
+
+
+def in_words(target: Target) -> str:
+    """Say what a common range error adds at a target."""
+    if math.isnan(target.bias_mm):
+        return "a common range error was never measured"
+    return f"with a common range error (SD {target.bias_mm:.3f}) {target.stated_mm:.3f}"

@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
 def add_to(app: typer.Typer) -> None:
     """Register the subcommand."""
-    epilog = "Example: picoradar reprocess scan.db -o better.db --estimator template"
+    epilog = (
+        "Examples: picoradar reprocess scan.db -o better.db --estimator template\n\n"
+        "picoradar reprocess scan.db -o bone.db --calibration penetration/calibration.json --material bone"
+    )
     app.command(epilog=epilog)(reprocess)
     app.command("rerange", epilog=epilog, hidden=True)(reprocess)  # the earlier name
 
@@ -28,6 +31,7 @@ def reprocess(
     calibration: Annotated[
         Path | None, typer.Option(help="Calibration file; by default the one that the recording holds.")
     ] = None,
+    material: options.Material = None,
     json: options.Json = False,
 ) -> None:
     """Compute the ranges of a recording again, with another estimator or calibration; the old one is kept."""
@@ -38,6 +42,7 @@ def reprocess(
     from picoradar.instrument.recording import Recording
 
     method = checked_method(estimator)
+    target = options.checked_material(material)
     with output.progress() as bar:
         task = bar.add_task("ranging", total=None, note="")
 
@@ -45,7 +50,7 @@ def reprocess(
             bar.update(task, advance=1, note=f"line {line.index}")
 
         used = Calibration.load(calibration) if calibration is not None else None
-        acquisition.reprocess(recording, out, method=method, calibration=used, on_line=show)
+        acquisition.reprocess(recording, out, method=method, calibration=used, material=target, on_line=show)
     with Recording.open(out) as made:
         result = describe_recording(made)
     if json:

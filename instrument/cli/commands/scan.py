@@ -18,7 +18,8 @@ def add_to(app: typer.Typer) -> None:
     """Register the subcommand."""
     app.command(
         epilog="Examples: picoradar scan --target prism -o prism.db\n\n"
-        "picoradar scan --settings bench.toml --grid 60x60 --step-mm 0.5 --json"
+        "picoradar scan --settings bench.toml --grid 60x60 --step-mm 0.5 --json\n\n"
+        "picoradar scan --material bone -o bone.db"
     )(scan)
 
 
@@ -34,6 +35,7 @@ def scan(
     prf_hz: options.PrfHz = None,
     mode: options.Mode = None,
     estimator: options.Estimator = None,
+    material: options.Material = None,
     seed: options.Seed = None,
     faults: options.Faults = None,
     speed: options.Speed = "max",
@@ -58,6 +60,7 @@ def scan(
         prf_hz=prf_hz,
         mode=mode,
         estimator=estimator,
+        material=material,
     )
     path = recording_path(out, folder)
     with (

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tempfile
 from contextlib import ExitStack
-from importlib import resources
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated
@@ -92,10 +91,11 @@ def served_speed(text: str) -> float:
 
 def host_settings(settings: Settings, addresses: Addresses, speed: float, folder: Path) -> Settings:
     """Make the settings with which a host reaches the served bench: sockets, forwarded USB, calibration, pace."""
+    from picoradar.instrument.cli.simulated import shipped_calibration
     from picoradar.instrument.settings import Links
 
     calibration = folder / "calibration.json"
-    calibration.write_bytes((resources.files("picoradar.instrument") / "data" / "simulated-bench.json").read_bytes())
+    calibration.write_bytes(shipped_calibration(settings).read_bytes())
     sockets = {name: ports["socket"] for name, ports in addresses["serial"].items() if name in Links.model_fields}
     usb = addresses["usb"]
     links = Links.model_validate(

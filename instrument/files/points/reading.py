@@ -39,6 +39,9 @@ class PointFile:
     response_mv : (N,) float array or None
     grid : (N, 2) int array or None
         Raster row and column.
+    range_bias_mm : float or None
+        Standard deviation of the range error that all points share, what was taken off already apart; None if the
+        file does not say, or it was never measured.
     """
 
     points: NDArray[np.float64]
@@ -46,6 +49,7 @@ class PointFile:
     covariance: NDArray[np.float64] | None = None
     response_mv: NDArray[np.float64] | None = None
     grid: NDArray[np.int32] | None = None
+    range_bias_mm: float | None = None
 
 
 def read_points(path: str | os.PathLike[str]) -> PointFile:
@@ -86,8 +90,8 @@ def read_points(path: str | os.PathLike[str]) -> PointFile:
 
 def _from_recording(file: Path) -> PointFile:
     with Recording.open(file) as recording:
-        cloud = recording.cloud().with_range()
-    return PointFile(cloud.points_mm, np.zeros(3), cloud.covariance_mm2, cloud.response_mv, cloud.grid)
+        cloud, range_bias_mm = recording.cloud().with_range(), recording.range_error.get("sd_mm")
+    return PointFile(cloud.points_mm, np.zeros(3), cloud.covariance_mm2, cloud.response_mv, cloud.grid, range_bias_mm)
 
 
 def _from_file(file: Path) -> PointFile:

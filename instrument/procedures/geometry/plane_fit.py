@@ -25,8 +25,9 @@ from picoradar.instrument.procedures.geometry.planes import (
     split,
     values_of,
 )
+from picoradar.instrument.procedures.station.certainty import STAGE_SD_MM, zero_sd_mm
 
-OFFSET_SD_MM = 0.05  # of the stage's scale
+OFFSET_SD_MM = STAGE_SD_MM
 ROUNDS, STEPS = 6, 20
 MIN_SCALE = 0.1  # of residuals to their noise: below, rounding would be taken for noise
 CUT = 4.0  # standard deviations; loses 6e-5 of good points
@@ -95,6 +96,9 @@ class PlaneFit:
                 "mirror_separation_mm": float(self.values[0]),
                 "scanner": errors_of(self.values),
                 "range_zero_mm": float(self.values[6]),
+                "range_zero_sd_mm": zero_sd_mm(float(self.sd[6]))
+                if self.identified[6]
+                else calibration.range_zero_sd_mm,
                 "geometry": self._uncertainty(),
             }
         )

@@ -6,6 +6,7 @@ are held back and judge the calibration.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,6 +15,7 @@ from picoradar.instrument.calibration import METHODS, Calibration
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.procedures.gray_target.level import FloatArray, Level
 from picoradar.instrument.procedures.gray_target.report import judged
+from picoradar.instrument.procedures.station.certainty import STAGE_SD_MM, zero_sd_mm
 from picoradar.instrument.procedures.station.findings import lost_readings, refused
 from picoradar.instrument.procedures.station.outcome import Outcome
 from picoradar.instrument.procedures.station.stage import Placing
@@ -84,13 +86,16 @@ def calibrate(levels: Sequence[Level], before: Calibration) -> Calibration:
     bright = [error for response, error in errors["template"] if np.median(response) > WALK_FREE_MV]
     if not bright:
         raise BadInput(f"no card gives more than {WALK_FREE_MV:g} mV; use a whiter one, or stand it nearer")
-    zero_mm = -float(np.mean(np.concatenate(bright)))
+    zero_errors = np.concatenate(bright)
+    zero_mm = -float(np.mean(zero_errors))
+    readings_sd_mm = float(np.std(zero_errors)) / len(zero_errors) ** 0.5
     shifted = {m: [(response, error + zero_mm) for response, error in errors[m]] for m in METHODS}
     reference = estimate(levels[0].traces_mv, times, calibration=bare, sweeps=sweeps).reference_ps
     middle_ps = float(np.nanmedian(reference))
     return bare.model_copy(
         update={
             "range_zero_mm": zero_mm,
+            "range_zero_sd_mm": zero_sd_mm(math.hypot(readings_sd_mm, STAGE_SD_MM)),
             "geometry": before.geometry.without("range_zero_mm") if before.geometry else None,
             "walk": {method: fit_walk(shifted[method]) for method in METHODS},
             "reference_ps": (middle_ps - REFERENCE_ROOM_PS, middle_ps + REFERENCE_ROOM_PS),

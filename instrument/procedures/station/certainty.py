@@ -11,7 +11,15 @@ import math
 from statistics import NormalDist
 
 CHANCE = 0.01  # that a run without a defect fails by noise, over all figures that one limit judges
+STAGE_SD_MM = 0.05  # of a distance as the stage's scale reads it
+ZERO_REPEAT_SD_MM = 0.1  # of a range zero from one day, distance and cabling to another: in the simulator's second
+# world, pick-up in step with the trigger (0.1 mV) alone moves it by 0.0 to 0.23 mm from bench to bench
 COARSE = 4.0  # least limit over standard error of a mean judged as measured: noise alone exceeds it 1 time in 16 000
+
+
+def zero_sd_mm(measured_sd_mm: float) -> float:
+    """Return the standard deviation of a range zero when it is used: that of its measurement, and its repeatability."""
+    return math.hypot(measured_sd_mm, ZERO_REPEAT_SD_MM)
 
 
 def largest_by_noise(count: int) -> float:

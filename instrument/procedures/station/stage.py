@@ -13,8 +13,8 @@ class Placing:
     Attributes
     ----------
     body : str
-        ``plate`` (flat, diffuse), ``card`` (gray card on the plate), ``prism``, ``step`` or ``scale`` (plate with a
-        millimetre scale).
+        ``plate`` (flat, diffuse), ``card`` (gray card on the plate), ``prism``, ``step``, ``scale`` (plate with a
+        millimetre scale) or ``coated`` (flat piece of bone or tissue, half of it painted).
     distance_mm : float
         From the scanner's front reference (mirror 1's axis less the mirror separation) along the beam at rest.
     tilt_deg : (float, float)
@@ -31,7 +31,8 @@ class Placing:
     def __str__(self) -> str:
         gray = "" if self.gray is None else f" of reflectance {self.gray:.2f}"
         tilt = "" if self.tilt_deg == (0.0, 0.0) else f", turned by {self.tilt_deg[0]:g} and {self.tilt_deg[1]:g} deg"
-        return f"{self.body}{gray} at {self.distance_mm:g} mm{tilt}"
+        body = "half painted piece" if self.body == "coated" else self.body
+        return f"{body}{gray} at {self.distance_mm:g} mm{tilt}"
 
 
 class Stage(Protocol):

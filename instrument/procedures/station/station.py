@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from picoradar.drivers.clock import Clock
 from picoradar.drivers.traces import CodeScale
-from picoradar.instrument.acquisition import Acquisition, Setup, monitor_scan, points_scan, raster_scan
+from picoradar.instrument.acquisition import Acquisition, Setup, can_window, monitor_scan, points_scan, raster_scan
 from picoradar.instrument.calibration import (
     CENTRE_CODE,
     Calibration,
@@ -128,10 +128,24 @@ class Station:
         codes = angles_to_codes(asked, setup.settings.scanner.field_deg).reshape(rows, columns, 2)
         return self._take(name, points_scan(setup, codes))
 
+    @property
+    def has_windows(self) -> bool:
+        """Get whether the devices can take records in windows."""
+        bench = self.controller.bench
+        return can_window(bench.galvo, bench.sampler)
+
     def scan(
-        self, name: str, *, rows: int, columns: int, step_mm: float, distance_mm: float, averages: int | None = None
+        self,
+        name: str,
+        *,
+        rows: int,
+        columns: int,
+        step_mm: float,
+        distance_mm: float,
+        averages: int | None = None,
+        in_windows: bool = False,
     ) -> Measured:
-        """Scan a raster.
+        """Scan a raster; in windows only where the devices have them (`has_windows`).
 
         Raises
         ------
@@ -139,7 +153,7 @@ class Station:
             When a person stopped it.
         """
         changes = {"rows": rows, "columns": columns, "step_mm": step_mm, "distance_mm": distance_mm}
-        return self._take(name, raster_scan(self._setup(**changes, averages=averages)))
+        return self._take(name, raster_scan(self._setup(**changes, averages=averages), in_windows=in_windows))
 
     def monitor(self, name: str, groups: int, readings: int, interval_s: float) -> Measured:
         """Take groups of readings straight ahead, one after each interval with the laser on.
@@ -165,8 +179,9 @@ class Station:
         return Calibration.model_validate(calibration.model_copy(update={**stamp, **changes}).model_dump())
 
     def _setup(self, **scan: float | None) -> Setup:
-        """Return what an acquisition goes by, with some settings of the scan replaced; traces are always kept."""
-        changes: JsonObject = {**scan, "keep_traces": True}
+        """Return what an acquisition goes by, with some settings of the scan replaced; traces are always kept, and
+        nothing is taken off the ranges for a material."""
+        changes: JsonObject = {**scan, "keep_traces": True, "material": ""}
         return Setup(override(self.settings, {"scan": changes}), self.calibration, self.clock)
 
     def _take(self, name: str, job: Acquisition) -> Measured:

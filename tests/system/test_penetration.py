@@ -1,0 +1,210 @@
+"""From a half painted piece of bone to a verdict: what is measured, taken off, recorded, and stated."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from picoradar.instrument.calibration import Calibration
+from picoradar.instrument.cli.main import run as command
+from picoradar.instrument.cli.session import calibration_of, session
+from picoradar.instrument.cli.stages import SimulatedStage
+from picoradar.instrument.procedures.penetration import procedure as penetration
+from picoradar.instrument.procedures.station import Outcome, Placing, Radar, Station
+from picoradar.instrument.recording import Recording
+from picoradar.instrument.settings import Settings, override
+
+COAT_MM = 0.5
+Called = tuple[int, dict[str, Any]]
+CLINIC = {"world": "clinic", "tissue_sample": 4, "coat_mm": COAT_MM}
+
+
+@pytest.fixture
+def call(capsys: pytest.CaptureFixture[str]) -> Callable[..., Called]:
+    def _call(*arguments: object) -> Called:
+        capsys.readouterr()
+        code = command([*map(str, arguments), "--json"])
+        return code, json.loads(capsys.readouterr().out)
+
+    return _call
+
+
+def measured(folder: Path, simulation: dict[str, object], stage: Callable[..., Any] = SimulatedStage) -> Outcome:
+    settings = override(Settings(), {"": {"seed": 3}, "simulation": simulation})
+    with session(settings, None) as run:
+        run.controller.warm_up()
+        radar = Radar(run.controller, settings, run.calibration, run.identities, 3)
+        station = Station(radar, stage(run.simulated), folder, lambda *_: None)
+        return penetration.run(station, coat_mm=COAT_MM, tilts_deg=(0.0,), step_mm=2.0)
+
+
+def test_the_procedure_recovers_the_truth_of_the_very_piece(tmp_path: Path) -> None:
+    """Bare points less painted ones, each against its own hidden range: that is the bias, whatever the range zero."""
+    outcome = measured(tmp_path, CLINIC)
+    assert outcome.passed, outcome.findings
+    assert outcome.calibration is not None
+    truth = true_bias_mm(tmp_path / "true.db", CLINIC)
+    assert 2.0 < truth < 4.5
+    for ranging, entry in outcome.calibration.materials["bone"].items():
+        if ranging != "template":  # the same piece, ranged as the scan is
+            assert entry.bias_mm == pytest.approx(truth, abs=3 * entry.sample_sd_mm), ranging
+        assert entry.sample_sd_mm < 0.15
+        assert entry.transfer_sd_mm == pytest.approx(2**0.5 * 0.08 * entry.bias_mm)
+
+
+def true_bias_mm(path: Path, simulation: dict[str, object]) -> float:
+    """Mean range error of the bare half less that of the painted half, by the simulator's hidden truth."""
+    from picoradar.instrument.cli.scanning import record_scan
+
+    changes = {"scan": {"rows": 9, "columns": 19, "step_mm": 2.0}, "simulation": {**simulation, "target": "coated"}}
+    with session(override(Settings(), {"": {"seed": 3}, **changes}), None) as run:
+        run.controller.warm_up()
+        _, _, cloud = record_scan(run, path)
+        assert run.simulated is not None
+        runs = cloud.rows.astype(np.int64) * 19 + cloud.columns + 1
+        error = cloud.range_mm - run.simulated.bench.truth.ranges_mm(runs)
+    x = cloud.points_mm[:, 0]
+    return float(np.nanmean(error[x > 4.0]) - np.nanmean(error[x < -4.0]))
+
+
+def test_where_no_light_enters_nothing_is_taken_off_and_that_is_said(tmp_path: Path) -> None:
+    outcome = measured(tmp_path, {"coat_mm": COAT_MM})
+    assert outcome.passed, outcome.findings
+    assert outcome.calibration is not None
+    for entry in outcome.calibration.materials["bone"].values():
+        assert abs(entry.bias_mm) < 3 * entry.sample_sd_mm
+        assert entry.transfer_sd_mm < 0.02
+        assert "no light was seen to enter" in entry.method
+    assert any("No light was seen to enter" in finding for finding in outcome.findings)
+
+
+class TurnedRound:
+    """Puts the piece up the wrong way round."""
+
+    reads_at_once = True
+
+    def __init__(self, simulated: Any) -> None:
+        self._bench = simulated.bench
+
+    def place(self, wanted: Placing) -> float:
+        self._bench.place("coated", (0.0, 0.0, wanted.distance_mm, 0.0, 0.0, 180.0))
+        return wanted.distance_mm
+
+
+def test_a_piece_the_wrong_way_round_ends_with_a_finding(tmp_path: Path) -> None:
+    outcome = measured(tmp_path, CLINIC, TurnedRound)
+    assert outcome.calibration is None
+    assert "halves are exchanged" in outcome.findings[0]
+    assert "painted half on the left" in outcome.next_step
+
+
+def test_both_shipped_calibrations_know_bone_and_each_goes_with_its_world() -> None:
+    opaque, clinic = (calibration_of(override(Settings(), {"simulation": s})) for s in ({}, {"world": "clinic"}))
+    late = calibration_of(override(Settings(), {"simulation": {"tissue_light": True}}))
+    assert late.digest == clinic.digest != opaque.digest
+    for ranging in ("half-maximum", "template", "window"):
+        assert abs(opaque.materials["bone"][ranging].bias_mm) < 0.2
+        assert 2.0 < clinic.materials["bone"][ranging].bias_mm < 4.5
+        assert 0.3 < clinic.range_error("bone", ranging).sd_mm < 0.6  # type: ignore[operator]
+        assert 0.1 <= opaque.range_error("bone", ranging).sd_mm < 0.2  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("mode", ["sweep", "window"])
+def test_what_is_scanned_as_bone_is_ranged_so_and_the_recording_says_it(
+    call: Callable[..., Called], tmp_path: Path, mode: str
+) -> None:
+    settings = tmp_path / "clinic.toml"
+    settings.write_text('[simulation]\nworld = "clinic"\n')
+    small = ("scan", "--settings", settings, "--grid", "6x8", "--mode", mode)
+    _, plain = call(*small, "-o", tmp_path / "plain.db")
+    _, bone = call(*small, "-o", tmp_path / "bone.db", "--material", "bone")
+    known = bone["range_error"]
+    assert plain["range_error"] == {"material": "", "bias_mm": 0.0, "sd_mm": None}
+    with Recording.open(tmp_path / "plain.db") as one, Recording.open(tmp_path / "bone.db") as other:
+        off = one.cloud().range_mm - other.cloud().range_mm
+        assert other.range_error == known
+        assert other.header["settings"]["scan"]["material"] == "bone"
+        assert one.header["calibration_digest"] == other.header["calibration_digest"]
+    # Windows lie where the surface is expected, so other samples are taken there.
+    np.testing.assert_allclose(off[np.isfinite(off)], known["bias_mm"], atol=1e-9 if mode == "sweep" else 0.2)
+    assert known["bias_mm"] > 2.0
+
+    # ranged again: as it was, as bone, and as what nobody has measured
+    for name, material in (("again", None), ("as-bone", "bone"), ("as-fat", "fat")):
+        source = "bone" if material is None else "plain"
+        extra = () if material is None else ("--material", material)
+        code, found = call("reprocess", tmp_path / f"{source}.db", "-o", tmp_path / f"{name}.db", *extra)
+        assert code == 0
+        if material == "fat":
+            assert found["range_error"] == {"material": "fat", "bias_mm": 0.0, "sd_mm": None}
+            continue
+        assert found["range_error"] == known
+        with Recording.open(tmp_path / f"{source}.db") as one, Recording.open(tmp_path / f"{name}.db") as other:
+            off = one.cloud().range_mm - other.cloud().range_mm
+        np.testing.assert_allclose(off[np.isfinite(off)], 0.0 if source == "bone" else known["bias_mm"], atol=1e-6)
+
+
+def test_a_material_that_was_never_measured_is_scanned_with_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    small = ["scan", "--grid", "2x3", "-o", str(tmp_path / "fat.db"), "--json"]
+    assert command([*small, "--material", "fat"]) == 0
+    seen = capsys.readouterr()
+    assert json.loads(seen.out)["range_error"]["sd_mm"] is None
+    assert "picoradar bench penetration --material fat" in seen.err
+
+
+def test_the_budget_of_a_recording_reaches_targets_and_verdict(call: Callable[..., Called], tmp_path: Path) -> None:
+    demo = tmp_path / "demo"
+    code, found = call("demo", "--grid", "20x20", "--step-mm", "2", "--mode", "window", "--out", demo)
+    assert (code, found["registration"]["verdict"]) == (0, "pass")
+    given = ("register", demo / "scan.db", demo / "model.stl", "--landmarks", demo / "landmarks.json")
+    _, own = call(*given)
+    sd_mm = found["scan"]["range_error"]["sd_mm"]
+    assert own["targets"][0]["bias_mm"] == pytest.approx(sd_mm, rel=0.15)  # seen from one side: all of it
+    _, stated = call(*given, "--range-bias-mm", 0.45)
+    assert stated["targets"][0]["bias_mm"] == pytest.approx(0.45 / sd_mm * own["targets"][0]["bias_mm"])
+    for target in (*own["targets"], *stated["targets"]):
+        assert target["stated_mm"] == pytest.approx(target["p95_mm"] + 2 * target["bias_mm"])
+    assert stated["verdict"] == "caution"
+    assert "common range error" in stated["reasons"][0]
+
+    call("export", demo / "scan.db", "-o", tmp_path / "cloud.csv")  # a table says nothing of it
+    code, unknown = call("register", tmp_path / "cloud.csv", demo / "model.stl", *given[3:])
+    assert (code, unknown["verdict"]) == (0, "caution")
+    assert "bench penetration" in " ".join(unknown["reasons"])
+    assert unknown["targets"][0]["bias_mm"] is None
+
+
+def test_bench_penetration_from_the_command_line(call: Callable[..., Called], tmp_path: Path) -> None:
+    code, found = call(
+        "bench", "penetration", "--material", "cartilage", "--coat-mm", "0.2", "--out", tmp_path / "report"
+    )
+    assert (code, found["figures"]["material"], found["figures"]["coat_mm"]) == (0, "cartilage", 0.2)
+    made = Calibration.load(tmp_path / "report" / "calibration.json")
+    assert set(made.materials) == {"bone", "cartilage"}
+    assert abs(made.materials["cartilage"]["half-maximum"].bias_mm) < 0.2
+    code, shown = call("calibration", "show", tmp_path / "report" / "calibration.json")
+    assert shown["materials"]["cartilage"]["window"]["method"].startswith("bench procedure penetration")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("penetration", "--material", "paint"), "sample_material"),
+        (("penetration", "--material", "granite"), "sample_material"),
+        (("gray-target", "--material", "bone"), "penetration"),
+        (("scanner", "--coat-mm", "0.1"), "penetration"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(
+    call: Callable[..., Called], tmp_path: Path, arguments: tuple[str, ...], said: str
+) -> None:
+    code, found = call("bench", *arguments, "--out", tmp_path / "report")
+    assert code == 2
+    assert said in found["error"]
