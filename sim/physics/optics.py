@@ -219,9 +219,8 @@ class Optics:
             axis = self._scene.cast(beam.origin[None], beam.direction)
             spot_mm = off_focus_mm(spot_mm, beam.path_mm + float(axis.distance_mm[0]) - s.focus_mm, s.divergence_mrad)
         origins = bundle(beam.origin, beam.direction, spot_mm)
-        if s.motion_mm > 0:
-            origins[:, 2] -= s.motion_mm * math.sin(2 * math.pi * middle_s / s.motion_period_s)
-        hits = self._scene.cast(origins, beam.direction)
+        nearer_mm = 0.0 if s.motion_mm == 0 else -s.motion_mm * math.sin(2 * math.pi * middle_s / s.motion_period_s)
+        hits = self._scene.cast(origins, beam.direction, nearer_mm)
 
         axis_mm = float(hits.distance_mm[0])
         point = beam.origin + axis_mm * beam.direction if math.isfinite(axis_mm) else np.full(3, math.nan)
@@ -232,7 +231,7 @@ class Optics:
         returned *= self._speckle.factors(angles, len(origins))[seen]
         spreads = None
         if self._tissue is not None:
-            spreads, gain = self._tissue.behind(self._scene, hits, origins, beam.direction)
+            spreads, gain = self._tissue.behind(self._scene, hits, origins + (0.0, 0.0, nearer_mm), beam.direction)
             returned *= gain
         range_mm = beam.path_mm + axis_mm - s.mirror_separation_mm
         view = View(path_mm + s.transmitter_path_mm, returned, range_mm, point, angles, spreads)
