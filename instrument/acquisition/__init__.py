@@ -1,10 +1,11 @@
 """How lines are taken: a plan (where the beam goes), a capture (how a point is sampled), and the job made of both."""
 
-from picoradar.instrument.acquisition.acquisition import Acquisition, refuse_enormous_lines
+from picoradar.instrument.acquisition.acquisition import Acquisition
 from picoradar.instrument.acquisition.capture import Capture, Captured, Devices, Revisit, Setup
 from picoradar.instrument.acquisition.galvo_path import Stop, plan_path
 from picoradar.instrument.acquisition.jobs import monitor_scan, points_scan, raster_scan
 from picoradar.instrument.acquisition.line import reprocessed
+from picoradar.instrument.acquisition.line_size import refuse_enormous_lines
 from picoradar.instrument.acquisition.motion import MotionMonitor
 from picoradar.instrument.acquisition.plan import LinePlan, Plan
 from picoradar.instrument.acquisition.points import MonitorPlan, PointsPlan
@@ -13,6 +14,8 @@ from picoradar.instrument.acquisition.reprocess import reprocess
 from picoradar.instrument.acquisition.sweep import SweepCapture, sweep_of
 from picoradar.instrument.acquisition.window import WindowCapture, can_window
 from picoradar.instrument.acquisition.window_ranging import point_windows_of
+from picoradar.instrument.acquisition.zero_check import zero_check_of
+from picoradar.instrument.acquisition.zero_mark import MarkPlan
 
 __all__ = [
     "Acquisition",
@@ -20,6 +23,7 @@ __all__ = [
     "Captured",
     "Devices",
     "LinePlan",
+    "MarkPlan",
     "MonitorPlan",
     "MotionMonitor",
     "Plan",
@@ -40,4 +44,5 @@ __all__ = [
     "reprocess",
     "reprocessed",
     "sweep_of",
+    "zero_check_of",
 ]

@@ -12,6 +12,7 @@ from picoradar.drivers.clock import Clock
 from picoradar.drivers.interfaces import Galvo, Sampler
 from picoradar.drivers.traces import Trace
 from picoradar.instrument.acquisition.plan import LinePlan, Plan
+from picoradar.instrument.acquisition.zero_mark import MarkPlan
 from picoradar.instrument.calibration import Calibration, Method
 from picoradar.instrument.controller import Between
 from picoradar.instrument.events import JsonObject
@@ -75,6 +76,14 @@ class Captured:
     windows: LineWindows | None = None
 
 
+class MarkRecords(NamedTuple):
+    """Raw records of the zero mark: ``traces`` (R, S) or ``windows`` of R records, and which were ``clipped`` (R,)."""
+
+    traces: Trace | None
+    windows: LineWindows | None
+    clipped: NDArray[np.bool_]
+
+
 class Capture(Protocol):
     """Takes one line; knows nothing of where the points lie."""
 
@@ -102,6 +111,14 @@ class Capture(Protocol):
 
     def take(self, plan: Plan, line: LinePlan, revisit: Revisit | None, devices: Devices) -> Captured:
         """Take a line of the plan, and the revisit at its end if there is one.
+
+        Raises
+        ------
+        DeviceError
+        """
+
+    def take_mark(self, run_id: int, mark: MarkPlan, devices: Devices) -> MarkRecords:
+        """Take the records of the zero mark.
 
         Raises
         ------

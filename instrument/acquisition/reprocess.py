@@ -10,6 +10,7 @@ import numpy as np
 
 from picoradar.instrument.acquisition.line import reprocessed
 from picoradar.instrument.acquisition.window_ranging import range_line
+from picoradar.instrument.acquisition.zero_check import PLATE, plate_age_h
 from picoradar.instrument.calibration import Calibration, Method
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.events import JsonObject
@@ -51,6 +52,8 @@ def reprocess(
         used = calibration or _own_calibration(old)
         estimator = method or old.header.get("raster", {}).get("estimator", "half-maximum")
         header = _header(old.header, source, used, estimator)
+        if PLATE in header:
+            header[PLATE] = {**header[PLATE], "age_h": plate_age_h(old)}
         with Recording.create(target, header) as new:
             before: ScanLine | None = None
             for line in old.lines():
@@ -59,6 +62,8 @@ def reprocess(
                 new.append(ranged)
                 if on_line is not None:
                     on_line(ranged)
+            for reading in old.zero_readings():
+                new.append_zero(reading)
             new.finish(
                 f"reprocessed from {source.name} ({old.stop_reason})",
                 laser_off_verified=bool(old.laser_off_verified),
@@ -112,7 +117,7 @@ def _header(old: JsonObject, source: Path, calibration: Calibration, method: Met
     return {
         **kept,
         "raster": {**old["raster"], "estimator": method},
-        "calibration": calibration.model_dump(mode="json"),
+        "calibration": calibration.content(),
         "calibration_digest": calibration.digest,
         "ranged_from": {"recording": source.name, "versions": old.get("versions")},
     }

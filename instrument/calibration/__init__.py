@@ -21,6 +21,15 @@ from picoradar.instrument.calibration.parts import (
     Templates,
     Walk,
 )
+from picoradar.instrument.calibration.zero import (
+    ZeroCheck,
+    ZeroDifference,
+    ZeroInterval,
+    ZeroLimits,
+    ZeroMark,
+    ZeroPlate,
+    judge_zero,
+)
 from picoradar.instrument.settings import METHODS, Method
 
 __all__ = [
@@ -34,6 +43,12 @@ __all__ = [
     "ShotNoise",
     "Templates",
     "Walk",
+    "ZeroCheck",
+    "ZeroDifference",
+    "ZeroInterval",
+    "ZeroLimits",
+    "ZeroMark",
+    "ZeroPlate",
     "angles_and_range",
     "angles_to_codes",
     "asked_angles",
@@ -41,6 +56,7 @@ __all__ = [
     "covariance_from",
     "differences",
     "jacobian",
+    "judge_zero",
     "out_of_date",
     "points_from",
     "true_angles",

@@ -19,11 +19,15 @@ from picoradar.instrument.calibration.parts import (
     Templates,
     Walk,
 )
+from picoradar.instrument.calibration.zero import ZeroMark, ZeroPlate
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.settings import Method
 
 FORMAT: Literal[1] = 1
 _MAKE_AGAIN = "make it again with a bench procedure"
+
+LATER: dict[str, object] = {"zero_mark": None, "zero_plate": None}
+"""Fields that came later, and their values in files from before: left out, so that these keep their digest."""
 
 
 class Calibration(Part):
@@ -51,6 +55,9 @@ class Calibration(Part):
     geometry: GeometryUncertainty | None = Field(None, description="uncertainty of the geometry calibration")
     pointing_sd_rad: float = Field(0.0, ge=0, le=0.1, description="sd of each optical angle after settling, rad")
 
+    zero_mark: ZeroMark | None = Field(None, description="mark by which every scan checks the range zero")
+    zero_plate: ZeroPlate | None = Field(None, description="last check of the range zero on a plate (bench zero)")
+
     @field_validator("date")
     @classmethod
     def _with_zone(cls, date: datetime.datetime) -> datetime.datetime:
@@ -61,13 +68,18 @@ class Calibration(Part):
     @property  # not cached: `model_copy` would take the old digest along
     def digest(self) -> str:
         """Get ``sha256:`` and the hash of the content in canonical JSON (sorted keys, no spaces, UTF-8)."""
-        canonical = json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+        canonical = json.dumps(self.content(), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
         return "sha256:" + hashlib.sha256(canonical.encode()).hexdigest()
+
+    def content(self) -> dict[str, object]:
+        """Return all values as plain JSON types; those of `LATER` only where they are set."""
+        every: dict[str, object] = self.model_dump(mode="json")
+        return {name: value for name, value in every.items() if name not in LATER or value != LATER[name]}
 
     def save(self, path: Path) -> None:
         """Write the calibration as JSON; an existing file is replaced completely or not at all."""
         partial = path.with_name(path.name + ".partial")
-        partial.write_text(json.dumps(self.model_dump(mode="json"), indent=1) + "\n", encoding="utf-8")
+        partial.write_text(json.dumps(self.content(), indent=1) + "\n", encoding="utf-8")
         partial.replace(path)
 
     @classmethod

@@ -111,7 +111,7 @@ class Scene:
 
     def material(self, face: int) -> Material:
         """Get the material of a face of the target."""
-        return self.target.materials[self._face_material[face]]
+        return self.target.materials[int(self._face_material[face])]
 
     def in_model(self, point_mm: FloatArray) -> FloatArray:
         """Get a point (3,) of the scanner frame in the target's own frame, mm."""
