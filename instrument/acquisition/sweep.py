@@ -18,8 +18,8 @@ from picoradar.instrument.events import JsonObject
 from picoradar.instrument.ranging import Ranges, estimate
 from picoradar.instrument.settings import Settings
 
-MARK_SWEEPS = 8
-"""Sweeps that the zero mark is measured with at least: a deviation of 0.2 mm, so that an error of 2 mm shows."""
+MARK_SWEEPS = 16
+"""Sweeps that the zero mark is measured with at least: a deviation of less than 0.2 mm, so that an error of 2 mm shows."""
 
 
 class SweepCapture:
