@@ -14,10 +14,11 @@ from picoradar.instrument.acquisition.reprocess import reprocess
 from picoradar.instrument.acquisition.sweep import SweepCapture, sweep_of
 from picoradar.instrument.acquisition.window import WindowCapture, can_window
 from picoradar.instrument.acquisition.window_ranging import point_windows_of
-from picoradar.instrument.acquisition.zero_check import zero_check_of
+from picoradar.instrument.acquisition.zero_check import PLATE, plate_range, zero_check_of, zero_sd_mm
 from picoradar.instrument.acquisition.zero_mark import MarkPlan
 
 __all__ = [
+    "PLATE",
     "Acquisition",
     "Capture",
     "Captured",
@@ -37,6 +38,7 @@ __all__ = [
     "can_window",
     "monitor_scan",
     "plan_path",
+    "plate_range",
     "point_windows_of",
     "points_scan",
     "raster_scan",
@@ -45,4 +47,5 @@ __all__ = [
     "reprocessed",
     "sweep_of",
     "zero_check_of",
+    "zero_sd_mm",
 ]

@@ -19,7 +19,7 @@ from picoradar.instrument.ranging import Ranges, estimate
 from picoradar.instrument.settings import Settings
 
 MARK_SWEEPS = 16
-"""Sweeps that the zero mark is measured with at least: a deviation of less than 0.2 mm, so that an error of 2 mm shows."""
+"""Sweeps that the zero mark is measured with at least: noise of less than 0.2 mm, so that an error of 2 mm shows."""
 
 
 class SweepCapture:

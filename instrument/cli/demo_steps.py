@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -17,7 +18,7 @@ from picoradar.instrument.events import JsonObject
 from picoradar.instrument.recording import Cloud, Recording
 from picoradar.instrument.report import RegisteredScan, Surface, write_report
 from picoradar.instrument.settings import Settings, to_toml
-from picoradar.registration import Tolerance, pose_error, prepare_model, register
+from picoradar.registration import Objection, Tolerance, pose_error, prepare_model, register
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,11 @@ class DemoRegistration:
 
 
 def register_scan(
-    simulated: Simulated, scanned: Cloud, method: Literal["robust", "dissertation"], tolerance: Tolerance
+    simulated: Simulated,
+    scanned: Cloud,
+    method: Literal["robust", "dissertation"],
+    tolerance: Tolerance,
+    objections: Sequence[Objection],
 ) -> DemoRegistration:
     """Register a scan from clicked landmarks and compare the pose with the true one."""
     cloud = scanned.with_range()
@@ -59,6 +64,7 @@ def register_scan(
         method=method,
         targets=[{"name": pair["name"], "position": pair["model"]} for pair in landmarks],
         tolerance=tolerance,
+        objections=objections,
     )
     done = time.perf_counter()
     truth_error = _truth_error(result.model_from_scanner, simulated.model_from_scanner, cloud.points_mm)

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from picoradar.drivers.errors import LimitError
-from picoradar.instrument.acquisition import MarkPlan, RasterPlan, Setup, zero_check_of
-from picoradar.instrument.acquisition.zero_check import PLATE
+from picoradar.instrument.acquisition import PLATE, MarkPlan, RasterPlan, Setup, zero_check_of
 from picoradar.instrument.calibration import Calibration, ZeroCheck
 from picoradar.instrument.cli import output
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.recording import Recording
 from picoradar.instrument.settings import Settings
 
-__all__ = ["PLATE", "check_of", "mark_for", "plate_now"]
+if TYPE_CHECKING:
+    from picoradar.registration import Objection
+
+__all__ = ["PLATE", "check_of", "mark_for", "objections", "plate_now"]
 
 
 def mark_for(setup: Setup) -> MarkPlan | None:
@@ -24,9 +27,9 @@ def mark_for(setup: Setup) -> MarkPlan | None:
     except LimitError as error:
         _say(f"no check of the range zero: the mark of the calibration cannot be reached ({error})")
         return None
-    if mark is None:
+    if mark is None and setup.calibration.zero_plate is None:
         _say("no mark to check the range zero by (zero_mark of the calibration); see docs/zero-check.md")
-    elif mark.stands_in(RasterPlan.of(setup.settings, setup.calibration)):
+    elif mark is not None and mark.stands_in(RasterPlan.of(setup.settings, setup.calibration)):
         _say("the mark of the range zero stands in the raster: points in its corner are of the mark, not of the target")
     return mark
 
@@ -47,6 +50,13 @@ def check_of(path: Path) -> ZeroCheck:
     """Judge the check of a recording."""
     with Recording.open(path) as recording:
         return zero_check_of(recording)
+
+
+def objections(check: ZeroCheck) -> list[Objection]:
+    """Return what a check says against a registration: nothing when it has passed."""
+    from picoradar.registration import Objection
+
+    return [] if check.passed else [Objection(check.sentence, fails=check.outcome == "failed")]
 
 
 def _say(text: str) -> None:

@@ -6,7 +6,7 @@ Equation numbers are those of ``docs/registration.md``.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,16 +29,18 @@ from picoradar.registration.trust.covariance import (
     stiffness,
 )
 from picoradar.registration.trust.result import Registration
-from picoradar.registration.trust.verdict import Evidence, Tolerance, judge
+from picoradar.registration.trust.verdict import Evidence, Objection, Tolerance, judge
 
 
 @dataclass(frozen=True)
 class RegistrationRequest:
-    """What the caller asks: where the error matters, how large it may be, the range bias to reckon with."""
+    """What the caller asks: where the error matters, how large it may be, the range bias to reckon with; and what
+    speaks against the points."""
 
     targets: npt.ArrayLike | Sequence[dict[str, Any]] | None
     tolerance: Tolerance
     range_bias_mm: float
+    objections: Sequence[Objection] = ()
 
 
 def assess(
@@ -63,7 +65,7 @@ def assess(
         predict(name, position, fit.covariance, fit.centre, bias)
         for name, position in named_targets(request.targets, fit.centre)
     ]
-    evidence = _evidence(scan, solution, fit, targets, settings)
+    evidence = replace(_evidence(scan, solution, fit, targets, settings), objections=request.objections)
     verdict, reasons = judge(evidence, request.tolerance, settings.trust)
     measures = residual_measures(closest.signed_mm[used])
     return Registration(

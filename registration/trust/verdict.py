@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from picoradar.registration.settings import TrustSettings
@@ -16,6 +17,22 @@ class Tolerance:
 
     rotation_deg: float = 1.0
     target_mm: float = 1.0
+
+
+@dataclass(frozen=True)
+class Objection:
+    """What speaks against the points as a whole, and does not show in them: told by whoever measured them.
+
+    Attributes
+    ----------
+    sentence : str
+        What is wrong, and what to do.
+    fails : bool
+        Whether the pose must not be used; else the verdict is a caution at best.
+    """
+
+    sentence: str
+    fails: bool = False
 
 
 @dataclass(frozen=True)
@@ -38,6 +55,8 @@ class Evidence:
         Those that may be the truth.
     confident : bool
         The search reached this minimum often enough to trust that it missed no better one.
+    objections : sequence of Objection
+        Of those who measured the points.
     """
 
     rotation_sd_deg: float
@@ -49,6 +68,7 @@ class Evidence:
     misfit_mm: float
     rivals: list[Rival]
     confident: bool
+    objections: Sequence[Objection] = ()
 
 
 def judge(evidence: Evidence, tolerance: Tolerance, settings: TrustSettings) -> tuple[Verdict, list[str]]:
@@ -78,6 +98,8 @@ def judge(evidence: Evidence, tolerance: Tolerance, settings: TrustSettings) -> 
     for predicted in _predicted(evidence, tolerance, settings):
         if predicted.value > predicted.limit:
             (fails if predicted.fails(settings) else cautions).append(predicted.sentence)
+    for objection in evidence.objections:
+        (fails if objection.fails else cautions).append(objection.sentence)
     if evidence.rivals:
         nearest = evidence.rivals[0]
         cautions.append(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import datetime
+import functools
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -17,13 +19,15 @@ if TYPE_CHECKING:
     from picoradar.instrument.procedures.station import Outcome, Progress, Station
     from picoradar.instrument.settings import Settings
 
-NAMES = ("transmitter", "distance", "gray-target", "templates", "scanner", "geometry", "prism", "drift")
+NAMES = ("transmitter", "distance", "gray-target", "templates", "scanner", "geometry", "prism", "drift", "zero")
 
 
 def add_to(app: typer.Typer) -> None:
     """Register the subcommand."""
     app.command(
-        epilog="Examples: picoradar bench gray-target --out gray\n\npicoradar bench prism --settings bench.toml --json"
+        epilog="Examples: picoradar bench gray-target --out gray\n\n"
+        "picoradar bench prism --settings bench.toml --json\n\n"
+        "picoradar bench zero --distance-mm 750 --range-sd-mm 0.1 --out zero"
     )(bench)
 
 
@@ -41,6 +45,12 @@ def bench(
     date: Annotated[
         str | None, typer.Option(help="Date that a new calibration carries, for example 2026-01-31T12:00:00Z.")
     ] = None,
+    distance_mm: Annotated[
+        float | None, typer.Option(help="zero: where the plate stands, mm (800).", min=650.0, max=1200.0)
+    ] = None,
+    range_sd_mm: Annotated[
+        float | None, typer.Option(help="zero: standard deviation of that distance, mm (0.2).", min=0.001, max=10.0)
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Report folder to make (must not exist).")] = None,
     json: options.Json = False,
 ) -> None:
@@ -52,6 +62,7 @@ def bench(
 
     if name not in PROCEDURES:
         raise BadInput(f"bench {name!r}: no such procedure; there are {', '.join(PROCEDURES)}")
+    procedure = _procedure(name, distance_mm, range_sd_mm)
     stamp = _date(date)
     wanted = _settings(settings, seed, averages, hidden_errors=hidden_errors)
     folder = out or Path(f"picoradar-{name}")
@@ -59,7 +70,7 @@ def bench(
     try:
         with session.session(wanted, options.parse_speed(speed), faults=faults) as run:
             session.warm_up(run)
-            outcome = _measure(run, folder, name, stamp)
+            outcome = _measure(run, procedure, _Report(folder, name, stamp))
     except Interrupted as stopped:
         raw = folder / "raw"
         kept = f"readings so far are in {raw}" if any(raw.glob("*.db")) else "no readings were kept"
@@ -103,26 +114,49 @@ def _date(text: str | None) -> datetime.datetime | None:
     return date
 
 
-def _measure(run: Session, folder: Path, name: str, date: datetime.datetime | None) -> Outcome:
-    from picoradar.instrument.procedures import PROCEDURES
+def _procedure(name: str, distance_mm: float | None, range_sd_mm: float | None) -> Callable[[Station], Outcome]:
+    """Return the procedure with what its options say.
 
-    def report(share: float, note: str) -> None:
+    Raises
+    ------
+    BadInput
+        When an option is of another procedure.
+    """
+    from picoradar.instrument.procedures import PROCEDURES, zero
+
+    given = {"distance_mm": distance_mm, "sd_mm": range_sd_mm}
+    known = {key: value for key, value in given.items() if value is not None}
+    if known and name != zero.NAME:
+        raise BadInput(f"bench {name}: --distance-mm and --range-sd-mm are for the plate of bench zero")
+    return functools.partial(zero.run, **known) if known else PROCEDURES[name]
+
+
+class _Report(NamedTuple):
+    """Where a procedure writes, its name, and the date that a new calibration carries."""
+
+    folder: Path
+    name: str
+    date: datetime.datetime | None
+
+
+def _measure(run: Session, procedure: Callable[[Station], Outcome], report: _Report) -> Outcome:
+    def say(share: float, note: str) -> None:
         output.console().print(f"{share:4.0%} {note}", markup=False)
 
     if run.simulated is None:  # a bar that is redrawn would overwrite the questions to the person
-        return PROCEDURES[name](_station(run, name, folder, report, date))
+        return procedure(_station(run, report, say))
     with output.progress() as bar:
-        task = bar.add_task(name, total=100, note="")
+        task = bar.add_task(report.name, total=100, note="")
 
         def show(share: float, note: str) -> None:
             bar.update(task, completed=100 * share, note=note)
 
-        outcome = PROCEDURES[name](_station(run, name, folder, show, date))
+        outcome = procedure(_station(run, report, show))
         bar.update(task, completed=100, note="done")
         return outcome
 
 
-def _station(run: Session, name: str, folder: Path, progress: Progress, date: datetime.datetime | None) -> Station:
+def _station(run: Session, report: _Report, progress: Progress) -> Station:
     from picoradar.instrument.cli.light_meters import light_meters
     from picoradar.instrument.cli.person import Person
     from picoradar.instrument.cli.stages import PersonStage, SimulatedStage
@@ -130,10 +164,10 @@ def _station(run: Session, name: str, folder: Path, progress: Progress, date: da
 
     person = Person(run.controller.rest)
     stage = PersonStage(person) if run.simulated is None else SimulatedStage(run.simulated)
-    meters = light_meters(run, person) if name == "transmitter" else None
+    meters = light_meters(run, person) if report.name == "transmitter" else None
     seed = run.settings.seed if run.simulated is not None else None
     radar = Radar(run.controller, run.settings, run.calibration, run.identities, seed)
-    return Station(radar, stage, folder, progress, date=date, meters=meters)
+    return Station(radar, stage, report.folder, progress, date=report.date, meters=meters)
 
 
 def _shown(outcome: Outcome, folder: Path) -> dict[str, object]:
