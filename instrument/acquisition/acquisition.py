@@ -10,7 +10,7 @@ import numpy as np
 
 from picoradar.drivers.interfaces import Galvo, Identity, Sampler
 from picoradar.drivers.traces import CodeScale
-from picoradar.instrument.acquisition.capture import Capture, Devices, Revisit, Setup
+from picoradar.instrument.acquisition.capture import MARK_RUNS, Capture, Devices, Revisit, Setup
 from picoradar.instrument.acquisition.line import to_scan_line
 from picoradar.instrument.acquisition.line_size import refuse_enormous_lines
 from picoradar.instrument.acquisition.motion import MotionMonitor
@@ -174,7 +174,7 @@ class Acquisition:
         if self._mark is None:
             return None
         at_end, began_s = self._row_before >= 0, self._setup.clock.now()
-        run_id = self.plan.run_id(2 * self.plan.rows + at_end, 0)
+        run_id = self.plan.run_id(2 * self.plan.rows, 0) + MARK_RUNS * at_end  # behind those of lines and repeats
         traces, windows, clipped = self.capture.take_mark(run_id, self._mark, Devices(galvo, sampler, between))
         if not at_end:
             galvo.move(galvo.codes // 2, galvo.codes // 2)  # as if the beam had come from there to the first line

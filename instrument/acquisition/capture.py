@@ -76,6 +76,10 @@ class Captured:
     windows: LineWindows | None = None
 
 
+MARK_RUNS = 100
+"""Run ids that each measurement of the zero mark may use."""
+
+
 class MarkRecords(NamedTuple):
     """Raw records of the zero mark: ``traces`` (R, S) or ``windows`` of R records, and which were ``clipped`` (R,)."""
 
@@ -118,7 +122,7 @@ class Capture(Protocol):
         """
 
     def take_mark(self, run_id: int, mark: MarkPlan, devices: Devices) -> MarkRecords:
-        """Take the records of the zero mark.
+        """Take the records of the zero mark, of runs from ``run_id`` on, fewer than `MARK_RUNS`.
 
         Raises
         ------

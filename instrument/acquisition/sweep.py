@@ -93,7 +93,10 @@ class SweepCapture:
         """Take whole traces of the zero mark: one record, or as many as have `MARK_SWEEPS` sweeps together."""
         devices.between()
         self._fly_to(mark.codes, devices.galvo)
-        records = devices.sampler.take(run_id, math.ceil(MARK_SWEEPS / self.sweep.averages))
+        records: list[Record] = []
+        for number in range(math.ceil(MARK_SWEEPS / self.sweep.averages)):
+            devices.between()
+            records += devices.sampler.take(run_id + number)
         traces = replace(Trace.stacked([record.trace for record in records]), times_ps=self.sweep.times_ps)
         return MarkRecords(traces, None, np.array([record.clipped for record in records]))
 

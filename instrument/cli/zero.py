@@ -52,11 +52,11 @@ def check_of(path: Path) -> ZeroCheck:
         return zero_check_of(recording)
 
 
-def objections(check: ZeroCheck) -> list[Objection]:
-    """Return what a check says against a registration: nothing when it has passed."""
+def objections(check: ZeroCheck | None) -> list[Objection]:
+    """Return what a check says against a registration: nothing when it has passed, or when there was no radar."""
     from picoradar.registration import Objection
 
-    return [] if check.passed else [Objection(check.sentence, fails=check.outcome == "failed")]
+    return [] if check is None or check.passed else [Objection(check.sentence, fails=check.outcome == "failed")]
 
 
 def _say(text: str) -> None:

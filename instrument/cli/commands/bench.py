@@ -124,11 +124,11 @@ def _procedure(name: str, distance_mm: float | None, range_sd_mm: float | None) 
     """
     from picoradar.instrument.procedures import PROCEDURES, zero
 
-    given = {"distance_mm": distance_mm, "sd_mm": range_sd_mm}
-    known = {key: value for key, value in given.items() if value is not None}
-    if known and name != zero.NAME:
+    if name == zero.NAME:
+        return functools.partial(zero.run, distance_mm=distance_mm or zero.DISTANCE_MM, sd_mm=range_sd_mm or zero.SD_MM)
+    if distance_mm is not None or range_sd_mm is not None:
         raise BadInput(f"bench {name}: --distance-mm and --range-sd-mm are for the plate of bench zero")
-    return functools.partial(zero.run, **known) if known else PROCEDURES[name]
+    return PROCEDURES[name]
 
 
 class _Report(NamedTuple):

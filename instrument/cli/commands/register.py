@@ -95,13 +95,13 @@ def register(
         noise_mm=noise_mm,
         exclude=regions,
         tolerance=allowed,
-        objections=[] if check is None else zero.objections(check),
+        objections=zero.objections(check),
     )
     done = time.perf_counter()
     duration = {"prepare_ms": (prepared_at - began) * 1e3, "register_ms": (done - prepared_at) * 1e3}
-    described = {**describe(result, allowed, **duration), "zero_check": None if check is None else check.to_dict()}
     if json:
-        output.print_json(described)
+        checked = None if check is None else check.to_dict()
+        output.print_json({**describe(result, allowed, **duration), "zero_check": checked})
     else:
         show(points, result, check)
     if result.verdict == "fail":
