@@ -14,7 +14,7 @@ from picoradar.registration.register import check_targets, register
 from picoradar.registration.search import Cone, Landmarks
 from picoradar.registration.settings import PreparationSettings, RobustSettings
 from picoradar.registration.solution import Rival, pose_error, residual_measures
-from picoradar.registration.trust import Registration, Target, Tolerance
+from picoradar.registration.trust import Objection, Registration, Target, Tolerance
 
 __all__ = [
     "Cone",
@@ -23,6 +23,7 @@ __all__ = [
     "Landmarks",
     "MeshError",
     "Model",
+    "Objection",
     "PairedPoints",
     "PointsError",
     "PreparationSettings",

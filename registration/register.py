@@ -18,7 +18,7 @@ from picoradar.registration.scan import Scan, checked_scan, weighted_by_response
 from picoradar.registration.search import Cone, Start, checked_start
 from picoradar.registration.settings import RobustSettings
 from picoradar.registration.solution import Solution
-from picoradar.registration.trust import Registration, RegistrationRequest, Tolerance, named_targets
+from picoradar.registration.trust import Objection, Registration, RegistrationRequest, Tolerance, named_targets
 from picoradar.registration.trust.assess import assess
 
 MIN_NOISE_MM, MAX_NOISE_MM = 1e-3, 100.0
@@ -43,6 +43,7 @@ def register(
     range_bias_mm: float | None = None,
     exclude: Sequence[Mapping[str, Any]] | None = None,
     tolerance: Tolerance | None = None,
+    objections: Sequence[Objection] = (),
     settings: RobustSettings | DissertationSettings | None = None,
 ) -> Registration:
     """Register measured points to a model.
@@ -80,6 +81,8 @@ def register(
         Regions of the model that take no part: ``{"center": [x, y, z], "radius_mm": r}``, model frame.
     tolerance : Tolerance, optional
         Limits of the verdict, 1 deg and 1 mm when not given.
+    objections : sequence of Objection, optional
+        What speaks against the points and does not show in them: the verdict is a caution at best, or a fail.
     settings : RobustSettings or DissertationSettings, optional
         Parameters of the method.
 
@@ -124,7 +127,7 @@ def register(
         solution = _as_dissertation(scan, model, begin, noise_mm, regions, settings)
     else:
         raise RegistrationError(f"method is {method!r}: give 'robust' or 'dissertation'")
-    request = RegistrationRequest(targets, tolerance or Tolerance(), range_bias_mm)
+    request = RegistrationRequest(targets, tolerance or Tolerance(), range_bias_mm, objections)
     return assess(scan, solution, request, list(model.report.findings), robust)
 
 

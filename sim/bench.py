@@ -26,10 +26,12 @@ from picoradar.sim.physics import (
     Noise,
     Optics,
     Scene,
+    Target,
     build_scene,
     landmarks,
     load_target,
     place_target,
+    zero_mark,
 )
 from picoradar.sim.ports import SerialFirmware, SerialWire, new_bench_name, publish, withdraw
 from picoradar.sim.settings import Pose, SimulationSettings
@@ -61,6 +63,7 @@ class SimulatedBench:
         URL of each serial device by its name: ``dg645``, ``genesys``, and ``tec`` or ``tc200``.
     target, bare_target : Target
         The target in front of the scanner, and the same without tissue and instruments: the preoperative model.
+        The mark of the range zero is part of neither.
     usb_backend : SimUsbBackend
         pyusb backend that finds the USB devices.
     monitor : LaserMonitor
@@ -112,7 +115,7 @@ class SimulatedBench:
         self.interlock = InterlockChain()
         self.block = DiodeBlock(self.clock, checked)
         self.mirrors = MirrorPair(self.clock, checked, self.noise)
-        self.scene = build_scene(checked, self.noise)
+        self.scene = build_scene(checked, self.noise, self._zero_mark())
         self.target = self.scene.target
         self.bare_target = load_target(checked.target, checked.reflectance, checked)
 
@@ -163,8 +166,18 @@ class SimulatedBench:
         self.usb_taps = {device: UsbTap(firmware, self.clock) for device, firmware in usb.items()}
         self.usb_backend = SimUsbBackend(self.clock, self.usb_taps.values())
 
+    def _zero_mark(self) -> Target | None:
+        """Make the mark of the range zero, across the beam of its place."""
+        s = self.settings
+        if s.zero_mark_mm == 0:
+            return None
+        beam = self.mirrors.ray(np.radians(s.zero_mark_deg))
+        return zero_mark(beam, s.zero_mark_mm + s.mirror_separation_mm, s.zero_mark_side_mm)
+
     def place(self, target: str, pose: Pose, *, reflectance: float | None = None) -> None:
         """Put another target in front of the scanner, as a person at the bench does between two measurements.
+
+        The mark of the range zero is taken away with the first: calibration bodies may fill the whole field.
 
         Parameters
         ----------

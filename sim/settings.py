@@ -38,6 +38,12 @@ class SimulationSettings(BaseModel):
         None, gt=0, le=1, description="Diffuse reflectance at 904 nm of the whole target; none: the target's own"
     )
 
+    zero_mark_mm: float = Field(675.0, ge=0, le=1500, description="Range of the mark in the field's corner; 0: no mark")
+    zero_mark_deg: tuple[float, float] = Field(
+        (4.3, 4.3), description="Place of that mark: true optical angles of the beam that meets its middle"
+    )
+    zero_mark_side_mm: float = Field(10.0, gt=0, le=100, description="Side of the square plate that it is")
+
     spot_diameter_mm: float = Field(1.0, ge=0, le=10, description="Spot on the target (1/e^2); 0: one ray a beam")
     surgical: bool = Field(False, description="Hip as in surgery: wet bone, fat pad, clot of 2 x 2 mm, two retractors")
     tissue_share: float = Field(

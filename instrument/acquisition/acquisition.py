@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from picoradar.drivers.interfaces import Galvo, Identity, Sampler
 from picoradar.drivers.traces import CodeScale
-from picoradar.instrument.acquisition.capture import Capture, Devices, Revisit, Setup
+from picoradar.instrument.acquisition.capture import MARK_RUNS, Capture, Devices, Revisit, Setup
 from picoradar.instrument.acquisition.line import to_scan_line
+from picoradar.instrument.acquisition.line_size import refuse_enormous_lines
 from picoradar.instrument.acquisition.motion import MotionMonitor
 from picoradar.instrument.acquisition.plan import Plan
 from picoradar.instrument.acquisition.resumption import Resumption
+from picoradar.instrument.acquisition.row import Row
+from picoradar.instrument.acquisition.zero_mark import MarkPlan
 from picoradar.instrument.controller import Between
-from picoradar.instrument.errors import BadInput
 from picoradar.instrument.events import JsonObject
-from picoradar.instrument.line import Flag, ScanLine
+from picoradar.instrument.line import Flag, ScanLine, ZeroReading
 from picoradar.instrument.ranging import LineBefore, Ranges, mark_footprint
 
 POINT_BYTES = 256  # of a point on the disk, without its raw samples
-BYTES_PER_SAMPLE = 64  # of a line in memory: codes, the trace in mV and what ranging needs beside it
-MAX_LINE_BYTES = 1_000_000_000
+REST_S = 0.1  # after which a motion of the mirrors by the whole field has left no trace: 20 times their creep of 5 ms
 
 
 class Acquisition:
@@ -42,6 +42,8 @@ class Acquisition:
     setup : Setup
     rows : sequence of int, optional
         Lines to take; all by default.
+    mark : MarkPlan, optional
+        The mark that the range zero is checked by; without one it is not.
 
     Attributes
     ----------
@@ -55,18 +57,26 @@ class Acquisition:
         When a line does not fit into memory while it is ranged.
     """
 
-    def __init__(self, plan: Plan, capture: Capture, setup: Setup, rows: Sequence[int] | None = None) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        capture: Capture,
+        setup: Setup,
+        rows: Sequence[int] | None = None,
+        mark: MarkPlan | None = None,
+    ) -> None:
         refuse_enormous_lines(plan.columns, setup.settings.sampler.samples)
         self.plan = plan
         self.capture = capture
         self.shots = 0
         self._setup = setup
+        self._mark = mark
         self._rows = range(plan.rows) if rows is None else rows
         self._reference: tuple[float, float | None] = (0.0, None)
         revisit_s, line_s = capture.times_s(plan.columns)
         pointing_sd_mm = setup.calibration.pointing_sd_rad * setup.settings.scan.distance_mm
         self._motion = MotionMonitor(plan.rows, revisit_s, line_s, pointing_sd_mm)
-        self._before: _Row | None = None
+        self._before: Row | None = None
         self._row_before = -1
         self._states: dict[int, JsonObject] = {-1: self.state_dict()}
         self._resumption = Resumption(self._states, math.ceil(capture.memory_s / line_s))
@@ -132,7 +142,7 @@ class Acquisition:
         if "motion" in state:  # recordings of earlier versions have none
             self._motion.load_state(state["motion"])
         if before := state.get("before"):
-            self._before = _Row.from_state(before)
+            self._before = Row.from_state(before)
         self.capture.load_state(state)
 
     def resume_from(self, states: Mapping[int, JsonObject]) -> None:
@@ -152,6 +162,23 @@ class Acquisition:
         if state := self._resumption.state_before(row):
             self.load_state(state)
         return state
+
+    def take_zero(self, galvo: Galvo, sampler: Sampler, between: Between) -> ZeroReading | None:
+        """Take the records of the zero mark with the laser on, before the first line or after the last; None: no mark.
+
+        Raises
+        ------
+        DeviceError
+        """
+        if self._mark is None:
+            return None
+        at_end, began_s = self._row_before >= 0, self._setup.clock.now()
+        run_id = self.plan.run_id(2 * self.plan.rows, 0) + MARK_RUNS * at_end  # behind those of lines and repeats
+        traces, windows, clipped = self.capture.take_mark(run_id, self._mark, Devices(galvo, sampler, between))
+        if not at_end:
+            galvo.move(galvo.codes // 2, galvo.codes // 2)  # as if the beam had come from there to the first line
+            self._setup.clock.sleep(REST_S)
+        return self._mark.reading(began_s, clipped=clipped, traces=traces, windows=windows)
 
     def take_line(self, row: int, galvo: Galvo, sampler: Sampler, between: Between) -> ScanLine:
         """Take one line with the laser on.
@@ -194,7 +221,7 @@ class Acquisition:
         if self.plan.step_mm is None:
             return ranges
         before = self._before.ranges if self._before is not None and self._before.row == row - 1 else None
-        self._before = _Row(row, LineBefore(ranges.range_mm, ranges.variance_mm2))
+        self._before = Row(row, LineBefore(ranges.range_mm, ranges.variance_mm2))
         return mark_footprint(ranges, self.plan.step_mm, before)
 
     def _motion_judged(self, row: int, ranges: Ranges, revisit: Ranges | None) -> Ranges:
@@ -209,41 +236,3 @@ class Acquisition:
         self._reference = (0.0, None)
         if 2 * np.count_nonzero(there) >= len(there):
             self._reference = float(ranges.reference_mv[there].min()), float(np.median(ranges.reference_ps[there]))
-
-
-@dataclass(frozen=True)
-class _Row:
-    """The last line of a raster."""
-
-    row: int
-    ranges: LineBefore
-
-    def state_dict(self) -> JsonObject:
-        return {
-            "row": self.row,
-            "range_mm": self.ranges.range_mm.tolist(),
-            "variance_mm2": self.ranges.variance_mm2.tolist(),
-        }
-
-    @classmethod
-    def from_state(cls, state: JsonObject) -> _Row:
-        range_mm = np.array(state["range_mm"], dtype=np.float64)
-        # Recordings of earlier versions have no variances: without them, the noise of that line is left out.
-        known = state.get("variance_mm2")
-        variance_mm2: NDArray[np.float64] = np.zeros_like(range_mm) if known is None else np.array(known, np.float64)
-        return cls(state["row"], LineBefore(range_mm, variance_mm2))
-
-
-def refuse_enormous_lines(columns: int, samples: int) -> None:
-    """Refuse lines whose traces do not fit into memory while they are ranged, with the number.
-
-    Raises
-    ------
-    BadInput
-    """
-    needed = columns * samples * BYTES_PER_SAMPLE
-    if needed > MAX_LINE_BYTES:
-        raise BadInput(
-            f"a line of {columns} points with {samples} samples each needs about {needed / 1e9:.1f} GB of memory "
-            f"to be ranged, more than {MAX_LINE_BYTES / 1e9:.0f} GB; take fewer columns or samples"
-        )

@@ -12,6 +12,7 @@ from picoradar.drivers.clock import Clock
 from picoradar.drivers.interfaces import Galvo, Sampler
 from picoradar.drivers.traces import Trace
 from picoradar.instrument.acquisition.plan import LinePlan, Plan
+from picoradar.instrument.acquisition.zero_mark import MarkPlan
 from picoradar.instrument.calibration import Calibration, Method, Ranging
 from picoradar.instrument.controller import Between
 from picoradar.instrument.events import JsonObject
@@ -79,6 +80,18 @@ class Captured:
     windows: LineWindows | None = None
 
 
+MARK_RUNS = 100
+"""Run ids that each measurement of the zero mark may use."""
+
+
+class MarkRecords(NamedTuple):
+    """Raw records of the zero mark: ``traces`` (R, S) or ``windows`` of R records, and which were ``clipped`` (R,)."""
+
+    traces: Trace | None
+    windows: LineWindows | None
+    clipped: NDArray[np.bool_]
+
+
 class Capture(Protocol):
     """Takes one line; knows nothing of where the points lie."""
 
@@ -110,6 +123,14 @@ class Capture(Protocol):
 
     def take(self, plan: Plan, line: LinePlan, revisit: Revisit | None, devices: Devices) -> Captured:
         """Take a line of the plan, and the revisit at its end if there is one.
+
+        Raises
+        ------
+        DeviceError
+        """
+
+    def take_mark(self, run_id: int, mark: MarkPlan, devices: Devices) -> MarkRecords:
+        """Take the records of the zero mark, of runs from ``run_id`` on, fewer than `MARK_RUNS`.
 
         Raises
         ------

@@ -13,9 +13,12 @@ from picoradar.instrument.acquisition.points import MonitorPlan, PointsPlan
 from picoradar.instrument.acquisition.raster import RasterPlan
 from picoradar.instrument.acquisition.sweep import SweepCapture, sweep_of
 from picoradar.instrument.acquisition.window import WindowCapture
+from picoradar.instrument.acquisition.zero_mark import MarkPlan
 
 
-def raster_scan(setup: Setup, rows: Sequence[int] | None = None, *, in_windows: bool = False) -> Acquisition:
+def raster_scan(
+    setup: Setup, rows: Sequence[int] | None = None, *, in_windows: bool = False, mark: MarkPlan | None = None
+) -> Acquisition:
     """Make the scan of the raster of the settings.
 
     Parameters
@@ -25,6 +28,8 @@ def raster_scan(setup: Setup, rows: Sequence[int] | None = None, *, in_windows: 
         Lines to take; all by default.
     in_windows : bool
         By `WindowCapture` instead of `SweepCapture`; the devices must have windows (`can_window`).
+    mark : MarkPlan, optional
+        The mark that the range zero is checked by, before the first line and after the last.
 
     Raises
     ------
@@ -35,7 +40,7 @@ def raster_scan(setup: Setup, rows: Sequence[int] | None = None, *, in_windows: 
     """
     plan = RasterPlan.of(setup.settings, setup.calibration)
     capture = WindowCapture(setup, plan.columns) if in_windows else SweepCapture(setup)
-    return Acquisition(plan, capture, setup, rows)
+    return Acquisition(plan, capture, setup, rows, mark)
 
 
 def points_scan(setup: Setup, codes: NDArray[np.int64]) -> Acquisition:

@@ -10,6 +10,7 @@ import numpy as np
 
 from picoradar.instrument.acquisition.line import reprocessed
 from picoradar.instrument.acquisition.window_ranging import range_line
+from picoradar.instrument.acquisition.zero_check import PLATE, plate_age_h
 from picoradar.instrument.calibration import Calibration, Method, Ranging
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.events import JsonObject
@@ -59,6 +60,8 @@ def reprocess(
         header["range_error"] = used.range_error(target_of, ranging)._asdict()
         header["settings"] = _of_material(old.header.get("settings"), target_of)
         used = used.for_material(target_of, ranging)
+        if PLATE in header:
+            header[PLATE] = {**header[PLATE], "age_h": plate_age_h(old)}
         with Recording.create(target, header) as new:
             before: ScanLine | None = None
             for line in old.lines():
@@ -67,6 +70,8 @@ def reprocess(
                 new.append(ranged)
                 if on_line is not None:
                     on_line(ranged)
+            for reading in old.zero_readings():
+                new.append_zero(reading)
             new.finish(
                 f"reprocessed from {source.name} ({old.stop_reason})",
                 laser_off_verified=bool(old.laser_off_verified),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,12 +10,16 @@ from numpy.typing import NDArray
 
 from picoradar.drivers.interfaces import Galvo, Record, Sampler, SweepSettings
 from picoradar.drivers.traces import Trace
-from picoradar.instrument.acquisition.capture import Captured, Devices, Revisit, Setup
+from picoradar.instrument.acquisition.capture import Captured, Devices, MarkRecords, Revisit, Setup
 from picoradar.instrument.acquisition.plan import LinePlan, Plan
+from picoradar.instrument.acquisition.zero_mark import MarkPlan
 from picoradar.instrument.calibration import METHODS, Method, Ranging
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.ranging import Ranges, estimate
 from picoradar.instrument.settings import Settings
+
+MARK_SWEEPS = 16
+"""Sweeps that the zero mark is measured with at least: noise of less than 0.2 mm, so that an error of 2 mm shows."""
 
 
 class SweepCapture:
@@ -89,6 +94,17 @@ class SweepCapture:
             # device's own differ from them by its rounding.
             traces=replace(trace, times_ps=self.sweep.times_ps),
         )
+
+    def take_mark(self, run_id: int, mark: MarkPlan, devices: Devices) -> MarkRecords:
+        """Take whole traces of the zero mark: one record, or as many as have `MARK_SWEEPS` sweeps together."""
+        devices.between()
+        self._fly_to(mark.codes, devices.galvo)
+        records: list[Record] = []
+        for number in range(math.ceil(MARK_SWEEPS / self.sweep.averages)):
+            devices.between()
+            records += devices.sampler.take(run_id + number)
+        traces = replace(Trace.stacked([record.trace for record in records]), times_ps=self.sweep.times_ps)
+        return MarkRecords(traces, None, np.array([record.clipped for record in records]))
 
     def state_dict(self) -> JsonObject:
         """Get what the next line needs to know of those before: nothing."""

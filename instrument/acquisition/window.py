@@ -17,10 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from picoradar.drivers.interfaces import Galvo, Sampler, WindowRecord
 from picoradar.drivers.traces import Window
-from picoradar.instrument.acquisition.capture import Captured, Devices, Revisit, Setup
+from picoradar.instrument.acquisition.capture import Captured, Devices, MarkRecords, Revisit, Setup
 from picoradar.instrument.acquisition.galvo_path import Stop, plan_path
 from picoradar.instrument.acquisition.plan import LinePlan, Plan
 from picoradar.instrument.acquisition.window_ranging import range_line, range_windows
+from picoradar.instrument.acquisition.zero_mark import MarkPlan
 from picoradar.instrument.calibration import Method, Ranging
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.events import JsonObject
@@ -166,6 +167,15 @@ class WindowCapture:
             revisit=None if revisit is None else self._ranges_of(records[-1], targets[-1].point),
             windows=windows,
         )
+
+    def take_mark(self, run_id: int, mark: MarkPlan, devices: Devices) -> MarkRecords:
+        """Take one record of the zero mark, in a path of its own."""
+        left_s, point = self._setup.clock.now(), self._planner.mark(mark.range_mm)
+        devices.galvo.move(int(mark.codes[0]), int(mark.codes[1]))
+        target = _Target(mark.codes, point, self._scanner.window_flyback_ms)
+        records = self._take(_PathRun(run_id, mark.codes, [target], left_s), devices)
+        windows = LineWindows.of([0], records, _table([point]), retaken=False)
+        return MarkRecords(None, windows, windows.clipped)
 
     def _wait_for_frame(self) -> None:
         """Begin at the same instant of a millisecond as every line: the phase of the USB frames.

@@ -22,6 +22,15 @@ from picoradar.instrument.calibration.parts import (
     Templates,
     Walk,
 )
+from picoradar.instrument.calibration.zero import (
+    ZeroCheck,
+    ZeroDifference,
+    ZeroInterval,
+    ZeroLimits,
+    ZeroMark,
+    ZeroPlate,
+    judge_zero,
+)
 from picoradar.instrument.settings import METHODS, Method
 
 __all__ = [
@@ -39,6 +48,12 @@ __all__ = [
     "ShotNoise",
     "Templates",
     "Walk",
+    "ZeroCheck",
+    "ZeroDifference",
+    "ZeroInterval",
+    "ZeroLimits",
+    "ZeroMark",
+    "ZeroPlate",
     "angles_and_range",
     "angles_to_codes",
     "asked_angles",
@@ -46,6 +61,7 @@ __all__ = [
     "covariance_from",
     "differences",
     "jacobian",
+    "judge_zero",
     "out_of_date",
     "points_from",
     "true_angles",

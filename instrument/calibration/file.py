@@ -20,13 +20,14 @@ from picoradar.instrument.calibration.parts import (
     Templates,
     Walk,
 )
+from picoradar.instrument.calibration.zero import ZeroMark, ZeroPlate
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.settings import Method
 
 FORMAT: Literal[1] = 1
 _MAKE_AGAIN = "make it again with a bench procedure"
 
-LATER: dict[str, object] = {"range_zero_sd_mm": None, "materials": {}}
+LATER: dict[str, object] = {"range_zero_sd_mm": None, "materials": {}, "zero_mark": None, "zero_plate": None}
 """Fields that came later, and their values in files from before: left out, so that these keep their digest."""
 
 
@@ -60,6 +61,9 @@ class Calibration(Part):
     scanner: ScannerErrors = Field(default_factory=ScannerErrors, description="errors of the mirrors' angles")
     geometry: GeometryUncertainty | None = Field(None, description="uncertainty of the geometry calibration")
     pointing_sd_rad: float = Field(0.0, ge=0, le=0.1, description="sd of each optical angle after settling, rad")
+
+    zero_mark: ZeroMark | None = Field(None, description="mark by which every scan checks the range zero")
+    zero_plate: ZeroPlate | None = Field(None, description="last check of the range zero on a plate (bench zero)")
 
     @field_validator("date")
     @classmethod

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from picoradar.instrument.events import JsonObject
 from picoradar.instrument.recording import Cloud, Recording
 from picoradar.instrument.report import RegisteredScan, Surface, write_report
 from picoradar.instrument.settings import Settings, to_toml
-from picoradar.registration import Tolerance, pose_error, prepare_model, register
+from picoradar.registration import Objection, Tolerance, pose_error, prepare_model, register
 
 
 @dataclass(frozen=True)
@@ -40,13 +41,17 @@ class DemoRegistration:
     landmarks: list[JsonObject]
 
 
-def register_scan(
-    simulated: Simulated,
-    scanned: Cloud,
-    range_bias_mm: float | None,
-    method: Literal["robust", "dissertation"],
-    tolerance: Tolerance,
-) -> DemoRegistration:
+class DemoAsked(NamedTuple):
+    """How the demo's scan is registered: method, tolerance, deviation of the common range error (mm; None: never
+    measured), and what speaks against its points."""
+
+    method: Literal["robust", "dissertation"]
+    tolerance: Tolerance
+    range_bias_mm: float | None
+    objections: Sequence[Objection]
+
+
+def register_scan(simulated: Simulated, scanned: Cloud, asked: DemoAsked) -> DemoRegistration:
     """Register a scan from clicked landmarks and compare the pose with the true one."""
     cloud = scanned.with_range()
     landmarks = simulated.landmarks()
@@ -60,18 +65,19 @@ def register_scan(
         covariance=cloud.covariance_mm2,
         response_mv=cloud.response_mv,
         grid=cloud.grid,
-        method=method,
+        method=asked.method,
         targets=[{"name": pair["name"], "position": pair["model"]} for pair in landmarks],
-        range_bias_mm=range_bias_mm,
-        tolerance=tolerance,
+        range_bias_mm=asked.range_bias_mm,
+        tolerance=asked.tolerance,
+        objections=asked.objections,
     )
     done = time.perf_counter()
     targets_mm = np.array([target.position for target in result.targets])
     truth_error = _truth_error(result.model_from_scanner, simulated.model_from_scanner, cloud.points_mm, targets_mm)
     duration = {"prepare_ms": (prepared - began) * 1e3, "register_ms": (done - prepared) * 1e3}
     return DemoRegistration(
-        registered=RegisteredScan(result, tolerance, Surface(*simulated.model), truth_error),
-        described=describe(result, tolerance, **duration),
+        registered=RegisteredScan(result, asked.tolerance, Surface(*simulated.model), truth_error),
+        described=describe(result, asked.tolerance, **duration),
         landmarks=landmarks,
     )
 

@@ -12,7 +12,7 @@ import numpy as np
 from picoradar.drivers.errors import DECODER_ERRORS, decoder_words
 from picoradar.drivers.traces import CodeScale
 from picoradar.instrument.acquisition import Acquisition, Setup, can_window, raster_scan
-from picoradar.instrument.cli import output
+from picoradar.instrument.cli import output, zero
 from picoradar.instrument.cli.session import Session
 from picoradar.instrument.controller import STATE_EVENT, ScanOutcome, Sink, Subscription
 from picoradar.instrument.errors import BadInput, Interrupted
@@ -47,6 +47,8 @@ def record_scan(run: Session, path: Path) -> RecordedScan:
     )
     if run.simulated is not None and run.simulated.faults:
         header["faults"] = run.simulated.faults
+    if checked := zero.plate_now(run.settings, run.calibration):
+        header[zero.PLATE] = checked
     return _scan_into(run, job, Recording.create(path, header))
 
 
@@ -79,6 +81,8 @@ def resume_scan(run: Session, path: Path) -> RecordedScan:
     if kind != "raster":
         raise BadInput(f"{path}: holds {kind} of a bench procedure, which cannot be resumed; run the procedure again")
     recording = Recording.resume(path)
+    if checked := zero.plate_now(run.settings, run.calibration):
+        recording.event(run.controller.bench.clock.now(), zero.PLATE, age_h=checked["age_h"])
     job = job_for(run, recording.missing)
     _remember(job, recording)
     return _scan_into(run, job, recording)
@@ -101,7 +105,8 @@ def job_for(run: Session, rows: Sequence[int] | None = None) -> Acquisition:
     """Choose how to scan: in windows where the settings ask for it and the devices can, else in whole sweeps."""
     bench = run.controller.bench
     in_windows = run.settings.scan.mode == "window" and can_window(bench.galvo, bench.sampler)
-    return raster_scan(Setup(run.settings, run.calibration, bench.clock), rows, in_windows=in_windows)
+    setup = Setup(run.settings, run.calibration, bench.clock)
+    return raster_scan(setup, rows, in_windows=in_windows, mark=zero.mark_for(setup))
 
 
 def _scan_into(run: Session, job: Acquisition, recording: Recording) -> RecordedScan:
@@ -115,6 +120,7 @@ def _scan_into(run: Session, job: Acquisition, recording: Recording) -> Recorded
             raise
     cloud = cloud_of(lines)
     result = {"recording": str(recording.path), "lines": len(lines), **describe_scan(run, job, cloud, outcome)}
+    result["zero_check"] = zero.check_of(recording.path).to_dict()
     result["wall_s"] = round(time.perf_counter() - began, 3)
     if outcome.stop_reason == "interrupted":
         safe = "laser off verified" if outcome.safe.laser_off_verified else str(outcome.safe)

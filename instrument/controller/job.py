@@ -6,14 +6,14 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from picoradar.drivers.interfaces import Galvo, Sampler
 from picoradar.instrument.controller.safety import SafeState
 from picoradar.instrument.events import JsonObject
-from picoradar.instrument.line import Flag, ScanLine
+from picoradar.instrument.line import Flag, ScanLine, ZeroReading
 
 Sink = Callable[[ScanLine], None]
 Between = Callable[[], None]
@@ -57,6 +57,14 @@ class ScanJob(Protocol):
         """Take one line with the laser on; ``between`` is called before each point and may raise."""
 
 
+@runtime_checkable
+class ZeroJob(ScanJob, Protocol):
+    """A job that checks the range zero."""
+
+    def take_zero(self, galvo: Galvo, sampler: Sampler, between: Between) -> ZeroReading | None:
+        """Measure the mark of known range with the laser on, before the first line or after the last; None: no mark."""
+
+
 class LineStore(Protocol):
     """Where lines become durable (`picoradar.instrument.recording.Recording`)."""
 
@@ -66,6 +74,9 @@ class LineStore(Protocol):
 
     def append(self, line: ScanLine, *, acknowledged_at_s: float | None = None) -> None:
         """Store a line; it is safe on disk when this returns."""
+
+    def append_zero(self, reading: ZeroReading) -> None:
+        """Store a reading of the mark of known range; it is safe on disk when this returns."""
 
     def event(self, time_s: float, kind: str, *, state: str | None = None, **fields: object) -> None:
         """Store what happened."""

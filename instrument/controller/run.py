@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 from picoradar.instrument.controller.context import RunContext, reach_working_point
 from picoradar.instrument.controller.disk import lines_left, refuse_small_disk
 from picoradar.instrument.controller.ending import Ending
-from picoradar.instrument.controller.job import STATE_EVENT, SUPERVISION, LineStore, ScanJob, ScanOutcome, Sink
+from picoradar.instrument.controller.job import STATE_EVENT, SUPERVISION, LineStore, ScanJob, ScanOutcome, Sink, ZeroJob
 from picoradar.instrument.controller.recovery import LIMIT_S, LINK_ERRORS, apply_settings, reopen, waits
-from picoradar.instrument.controller.requests import EndScan
+from picoradar.instrument.controller.requests import REASONS, EndScan
 from picoradar.instrument.controller.subscribers import Subscribers, Subscription
 from picoradar.instrument.errors import InterlockTripped
 from picoradar.instrument.line import ScanLine
+
+T = TypeVar("T")
 
 PAUSE_POLL_S = 0.1
 SUSPEND_LIMIT_S = 600.0
@@ -44,6 +47,7 @@ class ScanRun:
         self._subscribers = Subscribers(sinks, context.log, in_line=not self._clock.real_time)
         self._ending = Ending(context, store, self.outcome)
         self._settled = False
+        self._zero_checked = self._has_mark = False
 
     def run(self) -> ScanOutcome:
         """Take all lines; whatever happens, end with the safe shutdown and write its outcome down.
@@ -65,11 +69,20 @@ class ScanRun:
             self._context.requests.at_point()  # who has asked to stop already gets no light at all
             if self._job.rows:
                 self._begin()
+            self._take_rows()
+            self._check_zero_again()
+        except EndScan as end:
+            self.outcome.stop_reason = str(end)
+
+    def _take_rows(self) -> None:
+        try:
             for row in self._job.rows:
                 self._run_up(row)
                 self._keep(self._take(row))
         except EndScan as end:
-            self.outcome.stop_reason = str(end)
+            if str(end) != REASONS["finish"] or self._context.machine.state != "scanning":
+                raise
+            self.outcome.stop_reason = str(end)  # with the laser still on, so that the zero is checked as ever
 
     # ---- light
 
@@ -88,27 +101,56 @@ class ScanRun:
         self._settled = False
 
     def _settle(self) -> None:
-        if not self._settled:
-            if not reach_working_point(self._context, self._between):
-                self._store.event(self._clock.now(), "working point not reached")
-            self._settled = True
-            if not self.outcome.lines:
-                self._ending.begin_now()  # until here the radar got ready; from here on it scans
+        """Wait for the working point, and before the first line check the range zero."""
+        if self._settled:
+            return
+        if not reach_working_point(self._context, self._between):
+            self._store.event(self._clock.now(), "working point not reached")
+        self._settled = True
+        if not self._zero_checked:
+            self._check_zero()
+        if not self.outcome.lines:
+            self._ending.begin_now()  # until here the radar got ready; from here on it scans
 
     # ---- lines
 
     def _take(self, row: int) -> ScanLine:
-        """Take one line, again after each wait; a line that was broken off is dropped whole."""
+        def line() -> ScanLine:
+            self._context.supervisor.poll_before_line(lambda: lines_left(self._job, self._store))
+            line = self._job.take_line(row, self._bench.galvo, self._bench.sampler, self._between)
+            self._context.supervisor.judge_line(*self._job.reference)
+            return line
+
+        return self._unbroken(line)
+
+    def _check_zero(self) -> None:
+        """Measure the mark of known range, if the job has one; what it tells is judged later, by any calibration."""
+        if isinstance(self._job, ZeroJob):
+            reading = self._job.take_zero(self._bench.galvo, self._bench.sampler, self._between)
+            self._has_mark = reading is not None
+            if reading is not None:
+                self._store.append_zero(reading)
+        self._zero_checked = True
+
+    def _check_zero_again(self) -> None:
+        """Measure the mark after the last line, while there is light."""
+        while self._has_mark and self._context.machine.state == "scanning":
+            try:
+                self._unbroken(self._check_zero)
+                return
+            except EndScan as end:
+                if str(end) != REASONS["finish"]:  # who asks for that now gets it: no line is left
+                    raise
+
+    def _unbroken(self, step: Callable[[], T]) -> T:
+        """Do a step with the laser on, again after each wait; what was broken off is dropped whole."""
         suspensions = 0
         while True:
             try:
                 if self._context.requests.at_line():
                     self._pause()
                 self._settle()
-                self._context.supervisor.poll_before_line(lambda: lines_left(self._job, self._store))
-                line = self._job.take_line(row, self._bench.galvo, self._bench.sampler, self._between)
-                self._context.supervisor.judge_line(*self._job.reference)
-                return line
+                return step()
             except (InterlockTripped, *LINK_ERRORS) as error:
                 cause = self._context.supervisor.first_failure(error)
                 suspensions += 1

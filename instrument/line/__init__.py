@@ -2,6 +2,7 @@
 
 from picoradar.instrument.line.scan_line import NO_RANGE, ORIGIN_MM, SUSPECT, Flag, ScanLine, beams_to
 from picoradar.instrument.line.windows import PULSES, LineWindows
+from picoradar.instrument.line.zero import ZeroReading
 
 __all__ = [
     "NO_RANGE",
@@ -11,5 +12,6 @@ __all__ = [
     "Flag",
     "LineWindows",
     "ScanLine",
+    "ZeroReading",
     "beams_to",
 ]

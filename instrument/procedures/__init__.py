@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from picoradar.instrument.procedures import distance, drift, transmitter
+from picoradar.instrument.procedures import distance, drift, transmitter, zero
 from picoradar.instrument.procedures.geometry import procedure as geometry
 from picoradar.instrument.procedures.gray_target import procedure as gray_target
 from picoradar.instrument.procedures.gray_target import templates
@@ -24,6 +24,7 @@ PROCEDURES: dict[str, Callable[[Station], Outcome]] = {
     drift.NAME: drift.run,
     transmitter.NAME: transmitter.run,
     penetration.NAME: penetration.run,
+    zero.NAME: zero.run,
 }
 
 __all__ = ["PROCEDURES", "Outcome", "Station"]

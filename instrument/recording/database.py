@@ -14,7 +14,7 @@ import zlib
 from pathlib import Path
 
 from picoradar.instrument.recording.errors import READING_ERRORS, RecordingError, from_sqlite, primary_code
-from picoradar.instrument.recording.schema import APPLICATION_ID, LAYOUT, SCHEMA, WINDOW_TABLE
+from picoradar.instrument.recording.schema import APPLICATION_ID, LATER_TABLES, LAYOUT, SCHEMA
 
 _BUSY_S = 2.0
 _LONGEST_WAL_BYTES = 16_000_000
@@ -85,7 +85,7 @@ def open_database(path: Path, *, writing: bool) -> sqlite3.Connection:
         try:
             make_durable(connection)
             if layout < LAYOUT:
-                _renew(connection)
+                _renew(connection, layout)
         except sqlite3.Error as error:
             connection.close()
             raise from_sqlite(path, error) from error
@@ -108,9 +108,10 @@ def refuse_missing(path: Path) -> None:
         raise RecordingError(path, f"there is no such file{why}", "give the path of a recording")
 
 
-def _renew(connection: sqlite3.Connection) -> None:
-    """Give a recording of layout 1 the table that it lacks, so that it can be gone on with."""
-    connection.executescript(f"BEGIN IMMEDIATE; {WINDOW_TABLE} PRAGMA user_version={LAYOUT}; COMMIT;")
+def _renew(connection: sqlite3.Connection, layout: int) -> None:
+    """Give a recording of an earlier layout the tables that it lacks, so that it can be gone on with."""
+    missing = LATER_TABLES.get(layout, "")
+    connection.executescript(f"BEGIN IMMEDIATE; {missing} PRAGMA user_version={LAYOUT}; COMMIT;")
 
 
 def _open_known(path: Path, mode: str) -> tuple[sqlite3.Connection, int, int]:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from picoradar.drivers.errors import DECODER_ERRORS, decoder_words
 from picoradar.instrument.events import JsonObject
-from picoradar.instrument.line import ScanLine
-from picoradar.instrument.recording import rows
+from picoradar.instrument.line import ScanLine, ZeroReading
+from picoradar.instrument.recording import rows, zero_rows
 from picoradar.instrument.recording.cloud import Cloud, cloud_of
 from picoradar.instrument.recording.content import FROM_A_COPY, event_of, json_object, refuse_foreign_content
 from picoradar.instrument.recording.errors import READING_ERRORS, SALVAGE, RecordingError, from_sqlite
@@ -42,7 +42,8 @@ class Reader:
         try:
             refuse_foreign_content(path, connection)
             self.header = self._read_header()
-            self._raw = rows.SELECT_RAW[self._layout()]
+            self._layout = rows.checked_layout(path, self._value("PRAGMA user_version"))
+            self._raw = rows.SELECT_RAW[self._layout]
             trace = self.header.get("trace")
             self._form = None if trace is None else TraceForm.of(trace)
         except RecordingError:
@@ -186,6 +187,17 @@ class Reader:
                 continue
             yield line
 
+    def zero_readings(self) -> list[ZeroReading]:
+        """Return the raw readings of the zero mark, in order; none in a recording of an earlier layout.
+
+        Raises
+        ------
+        RecordingError
+            At a damaged one.
+        """
+        found = self._rows(zero_rows.SELECT_ZERO) if self._layout >= zero_rows.FIRST_LAYOUT else []
+        return [zero_rows.reading_of(self.path, row, self._form) for row in found]
+
     def check(self) -> list[LineCheck]:
         """Read every line and its traces; say of each whether it is whole."""
         found = []
@@ -211,12 +223,6 @@ class Reader:
     def events(self) -> list[Event]:
         """Return what happened, in order."""
         return [event_of(self.path, row) for row in self._rows("SELECT t, kind, state, data FROM event ORDER BY id")]
-
-    def _layout(self) -> int:
-        layout = int(self._value("PRAGMA user_version"))
-        if layout not in rows.SELECT_RAW:
-            raise RecordingError(self.path, f"has layout {layout}, which was never written", FROM_A_COPY)
-        return layout
 
     def _read_header(self) -> JsonObject:
         found = self._rows("SELECT header, header_crc32 FROM scan")

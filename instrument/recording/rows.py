@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import astuple
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from picoradar.drivers.traces import Trace
 from picoradar.instrument.line import ScanLine
+from picoradar.instrument.recording.errors import RecordingError
 from picoradar.instrument.recording.header import TraceForm
 from picoradar.instrument.recording.layout import (
     POINT,
@@ -29,8 +31,21 @@ INSERT_WINDOW = "INSERT INTO window (k, n, samples, bytes_per_sum, crc32, pieces
 SELECT_LINE = "SELECT k, device_time_s, n, sweeps, crc32, points FROM line WHERE k = ?"
 _SELECT_WAVE = "SELECT rows, samples, bytes_per_sum, crc32, data FROM wave WHERE k = ?"
 _SELECT_WINDOW = "SELECT n, samples, bytes_per_sum, crc32, pieces, data FROM window WHERE k = ?"
-SELECT_RAW = {1: (_SELECT_WAVE,), 2: (_SELECT_WAVE, _SELECT_WINDOW)}
+SELECT_RAW = {1: (_SELECT_WAVE,), 2: (_SELECT_WAVE, _SELECT_WINDOW), 3: (_SELECT_WAVE, _SELECT_WINDOW)}
 """Queries for the raw samples of a line, by the layout of the file."""
+
+
+def checked_layout(path: Path, layout: int) -> int:
+    """Return the layout that a file says it has.
+
+    Raises
+    ------
+    RecordingError
+        If there never was one of that number.
+    """
+    if layout not in SELECT_RAW:
+        raise RecordingError(path, f"has layout {layout}, which was never written", "restore it from a copy")
+    return layout
 
 
 class Rows(NamedTuple):

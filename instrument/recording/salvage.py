@@ -18,12 +18,13 @@ from picoradar.instrument.recording.errors import READING_ERRORS, RecordingError
 from picoradar.instrument.recording.header import checked_header
 from picoradar.instrument.recording.names import remove_with_companions
 from picoradar.instrument.recording.recording import Recording
+from picoradar.instrument.recording.zero_rows import INSERT_ZERO, SELECT_ONE_ZERO
 
 TABLES = ("line", "wave", "window")
 HEADER_BYTES = 100  # of an SQLite file: page size at 16, pages at 28 (sqlite.org/fileformat.html, section 1.3)
 LARGEST_CUT_BYTES = 10**11  # padding is sparse; more than this is no length but damage
 DISK_FAILED = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_READONLY)
-MAX_EVENTS_MISSED = 1000  # numbers of events that cannot be read in a row, after which no more are looked for
+MAX_MISSED = 1000  # numbers of a table that cannot be read in a row, after which no more are looked for
 
 
 def salvage(path: Path) -> tuple[Path, list[int], list[int]]:
@@ -76,8 +77,11 @@ def _copy(path: Path, source: sqlite3.Connection, new: Path) -> None:
         with closing(target):
             for row in range(rows):
                 _copy_line(source, target, row)
-            for event in _events(source):
+            for event in _numbered(source, "SELECT id, t, kind, state, data FROM event WHERE id = ?"):
                 target.execute("INSERT OR IGNORE INTO event (id, t, kind, state, data) VALUES (?, ?, ?, ?, ?)", event)
+            for reading in _numbered(source, SELECT_ONE_ZERO):  # one that is damaged is no check
+                with suppress(sqlite3.IntegrityError):
+                    target.execute(INSERT_ZERO, reading)
     except BaseException as error:
         remove_with_companions(new)
         if isinstance(error, sqlite3.Error):
@@ -132,13 +136,14 @@ def _copy_line(source: sqlite3.Connection, target: sqlite3.Connection, row: int)
                 raise
 
 
-def _events(source: sqlite3.Connection) -> Iterator[Any]:
+def _numbered(source: sqlite3.Connection, query: str) -> Iterator[Any]:
+    """Read the rows of a table that are numbered from 1, as far as they read."""
     number = missed = 0
-    while missed < MAX_EVENTS_MISSED:
+    while missed < MAX_MISSED:
         number += 1
         found = None
         with suppress(*READING_ERRORS):
-            found = source.execute("SELECT id, t, kind, state, data FROM event WHERE id = ?", (number,)).fetchone()
+            found = source.execute(query, (number,)).fetchone()
         missed = 0 if found is not None else missed + 1
         if found is not None:
             yield found

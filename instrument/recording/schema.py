@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 APPLICATION_ID = 0x7069636F  # "pico"
-LAYOUT = 2  # 1 had no table `window`
+LAYOUT = 3  # 1 had no table `window`, 2 none `zero`
 WINDOW_TABLE = """
 CREATE TABLE window (
     k INTEGER PRIMARY KEY REFERENCES line(k) ON DELETE CASCADE,
@@ -15,6 +15,28 @@ CREATE TABLE window (
     data BLOB NOT NULL
 );
 """
+ZERO_TABLE = """
+CREATE TABLE IF NOT EXISTS zero (
+    id INTEGER PRIMARY KEY,
+    lines INTEGER NOT NULL,
+    device_time_s REAL NOT NULL,
+    x_rad REAL NOT NULL,
+    y_rad REAL NOT NULL,
+    mark_mm REAL NOT NULL,
+    mark_sd_mm REAL NOT NULL,
+    sweeps INTEGER NOT NULL,
+    clipped INTEGER NOT NULL,
+    head_crc32 INTEGER NOT NULL,
+    n INTEGER NOT NULL,
+    samples INTEGER NOT NULL,
+    bytes_per_sum INTEGER NOT NULL,
+    crc32 INTEGER NOT NULL,
+    pieces BLOB,
+    data BLOB NOT NULL
+);
+"""
+LATER_TABLES = {1: WINDOW_TABLE + ZERO_TABLE, 2: ZERO_TABLE}
+"""What a recording of an earlier layout lacks."""
 SCHEMA = (
     """
 CREATE TABLE scan (
@@ -56,4 +78,5 @@ CREATE TABLE spare_header (
 );
 """
     + WINDOW_TABLE
+    + ZERO_TABLE
 )

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from picoradar.instrument.line import ScanLine
-from picoradar.instrument.recording import rows
+from picoradar.instrument.line import ScanLine, ZeroReading
+from picoradar.instrument.recording import rows, zero_rows
 from picoradar.instrument.recording.database import checkpoint_if_long, to_one_file
 from picoradar.instrument.recording.errors import RecordingError, from_sqlite, primary_code
 from picoradar.instrument.recording.header import canonical
@@ -74,6 +74,23 @@ class Writer(Reader):
                 checkpoint_if_long(self._connection, self.path)
             except sqlite3.Error as error:
                 raise self._failure(error, line.index) from error
+
+    def append_zero(self, reading: ZeroReading) -> None:
+        """Write a reading of the zero mark, and how many lines there are before it (durable on return).
+
+        Raises
+        ------
+        RecordingError
+            If it could not be written.
+        """
+        number = 1 + int(self._value("SELECT coalesce(max(id), 0) FROM zero"))
+        lines = len(self.done) if reading.lines is None else reading.lines
+        try:
+            row = zero_rows.pack_zero(number, reading, lines)
+        except ValueError as error:
+            raise RecordingError(self.path, f"the reading of the zero mark: {error}") from error
+        with self._transaction():
+            self._connection.execute(zero_rows.INSERT_ZERO, row)
 
     def event(self, time_s: float, kind: str, *, state: str | None = None, **fields: object) -> None:
         """Write down what happened (durable on return).

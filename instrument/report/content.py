@@ -97,6 +97,8 @@ def facts(
         shots = scan.get("shot_limited_s")
         limit = f" ({shots:.1f} s of it for the laser's shots)" if shots is not None else ""
         found.append(("time of the scan on the device", f"{scan['device_time_s']:.1f} s{limit}"))
+    if isinstance(scan, Mapping) and isinstance(check := scan.get("zero_check"), Mapping):
+        found.append(("range zero", str(check.get("sentence"))))
     found.append(("flagged points", flag_counts(cloud)))
     off = {True: "yes, read back", False: "NO", None: "the scan was never closed"}[recording.laser_off_verified]
     found.append(("laser off at the end", off))

@@ -170,6 +170,12 @@ class ScannerSettings(Section):
     )
     window_flyback_ms: float = Field(12.0, ge=0, le=1000, description="window mode: wait after the step to a new line")
     window_settle_shots: int = Field(2, ge=0, le=1000, description="window mode: shots discarded before each sweep")
+    zero_mark: bool = Field(
+        True, description="measure the calibration's zero_mark, where it has one, at the beginning and end of each scan"
+    )
+    zero_hours: float = Field(
+        12.0, gt=0, le=168, description="without a mark: hours for which `picoradar bench zero` checks the range zero"
+    )
 
 
 class ScanSettings(Section):

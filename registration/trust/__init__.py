@@ -3,9 +3,10 @@
 from picoradar.registration.trust.assess import RegistrationRequest, named_targets
 from picoradar.registration.trust.covariance import Target
 from picoradar.registration.trust.result import Registration
-from picoradar.registration.trust.verdict import Tolerance
+from picoradar.registration.trust.verdict import Objection, Tolerance
 
 __all__ = [
+    "Objection",
     "Registration",
     "RegistrationRequest",
     "Target",

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -30,17 +30,18 @@ from picoradar.registration.trust.covariance import (
     stiffness,
 )
 from picoradar.registration.trust.result import Registration
-from picoradar.registration.trust.verdict import Evidence, Tolerance, judge
+from picoradar.registration.trust.verdict import Evidence, Objection, Tolerance, judge
 
 
 @dataclass(frozen=True)
 class RegistrationRequest:
     """What the caller asks: where the error matters, how large it may be, and the standard deviation of a range error
-    common to all points (None: never measured)."""
+    common to all points (None: never measured); and what speaks against the points."""
 
     targets: npt.ArrayLike | Sequence[dict[str, Any]] | None
     tolerance: Tolerance
     range_bias_mm: float | None
+    objections: Sequence[Objection] = ()
 
 
 def assess(
@@ -66,7 +67,7 @@ def assess(
         predict(name, position, fit, bias, settings.trust.bias_sds)
         for name, position in named_targets(request.targets, fit.centre)
     ]
-    evidence = _evidence(scan, solution, fit, targets, settings)
+    evidence = replace(_evidence(scan, solution, fit, targets, settings), objections=request.objections)
     verdict, reasons = judge(evidence, request.tolerance, settings.trust)
     measures = residual_measures(closest.signed_mm[used])
     return Registration(

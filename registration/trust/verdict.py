@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from picoradar.registration.settings import TrustSettings
@@ -22,6 +23,22 @@ class Tolerance:
 
     rotation_deg: float = 1.0
     target_mm: float = 1.0
+
+
+@dataclass(frozen=True)
+class Objection:
+    """What speaks against the points as a whole, and does not show in them: told by whoever measured them.
+
+    Attributes
+    ----------
+    sentence : str
+        What is wrong, and what to do.
+    fails : bool
+        Whether the pose must not be used; else the verdict is a caution at best.
+    """
+
+    sentence: str
+    fails: bool = False
 
 
 @dataclass(frozen=True)
@@ -46,6 +63,8 @@ class Evidence:
         The search reached this minimum often enough to trust that it missed no better one.
     range_error_known : bool
         How large a range error common to all points may be was measured.
+    objections : sequence of Objection
+        Of those who measured the points.
     """
 
     rotation_sd_deg: float
@@ -58,6 +77,7 @@ class Evidence:
     rivals: list[Rival]
     confident: bool
     range_error_known: bool
+    objections: Sequence[Objection] = ()
 
 
 def judge(evidence: Evidence, tolerance: Tolerance, settings: TrustSettings) -> tuple[Verdict, list[str]]:
@@ -89,6 +109,8 @@ def judge(evidence: Evidence, tolerance: Tolerance, settings: TrustSettings) -> 
             (fails if predicted.fails(settings) else cautions).append(predicted.sentence)
     if not evidence.range_error_known:
         cautions.append(UNKNOWN_RANGE_ERROR)
+    for objection in evidence.objections:
+        (fails if objection.fails else cautions).append(objection.sentence)
     if evidence.rivals:
         nearest = evidence.rivals[0]
         cautions.append(

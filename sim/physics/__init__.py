@@ -25,6 +25,7 @@ from picoradar.sim.physics.thermal import DiodeBlock
 from picoradar.sim.physics.tissue import FOSSA_MM, add_tissue, decorate
 from picoradar.sim.physics.transmitter import OPERATING_DEGC, OPERATING_V, LaserPulse, Transmitter
 from picoradar.sim.physics.true_result import Truth
+from picoradar.sim.physics.zero_mark import zero_mark
 
 __all__ = [
     "BONE_WET",
@@ -62,4 +63,5 @@ __all__ = [
     "load_target",
     "place_target",
     "trace",
+    "zero_mark",
 ]

@@ -219,9 +219,8 @@ class Optics:
             origins, directions = waisted(beam.origin, beam.direction, *waist)
         else:
             origins, directions = bundle(beam.origin, beam.direction, s.spot_diameter_mm), beam.direction
-        if s.motion_mm > 0:
-            origins[:, 2] -= s.motion_mm * math.sin(2 * math.pi * middle_s / s.motion_period_s)
-        hits = self._scene.cast(origins, directions)
+        nearer_mm = 0.0 if s.motion_mm == 0 else -s.motion_mm * math.sin(2 * math.pi * middle_s / s.motion_period_s)
+        hits = self._scene.cast(origins, directions, nearer_mm)
 
         axis_mm = float(hits.distance_mm[0])
         point = beam.origin + axis_mm * beam.direction if math.isfinite(axis_mm) else np.full(3, math.nan)
@@ -232,7 +231,7 @@ class Optics:
         returned *= self._speckle.factors(angles, len(origins))[seen]
         lates = None
         if self._tissue is not None:
-            lates, gain = self._tissue.behind(self._scene, hits, origins, directions)
+            lates, gain = self._tissue.behind(self._scene, hits, origins + (0.0, 0.0, nearer_mm), directions)
             returned *= gain
         range_mm = beam.path_mm + axis_mm - s.mirror_separation_mm
         view = View(path_mm + s.transmitter_path_mm, returned, range_mm, point, angles, lates)

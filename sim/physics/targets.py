@@ -92,7 +92,7 @@ def place_target(target: Target, distance_mm: float, pose: Pose | None, rng: np.
     return _rigid(turn, place) @ _facing(target)
 
 
-def build_scene(settings: SimulationSettings, noise: Noise) -> Scene:
+def build_scene(settings: SimulationSettings, noise: Noise, mark: Target | None = None) -> Scene:
     """Build the scene of the settings; random choices come from ``noise``.
 
     Parameters
@@ -100,6 +100,8 @@ def build_scene(settings: SimulationSettings, noise: Noise) -> Scene:
     settings : SimulationSettings
     noise : Noise
         Streams of the bench.
+    mark : Target, optional
+        Of the range zero, in the scanner's frame.
 
     Raises
     ------
@@ -116,7 +118,7 @@ def build_scene(settings: SimulationSettings, noise: Noise) -> Scene:
         if settings.tissue_share > 0:
             target = add_tissue(target, centre, settings.tissue_share, noise.stream("scene.tissue"))
     pose = place_target(target, settings.distance_mm, settings.target_pose, noise.stream("scene.pose"))
-    return Scene(target, pose)
+    return Scene(target, pose, mark)
 
 
 def landmarks(name: str) -> dict[str, FloatArray]:

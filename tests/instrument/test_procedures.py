@@ -36,7 +36,7 @@ CALIBRATION = Calibration(
 
 def test_every_procedure_of_the_contract_is_there() -> None:
     bench = {"transmitter", "distance", "gray-target", "scanner", "geometry", "prism", "drift", "templates"}
-    assert bench | {"penetration"} == set(PROCEDURES)
+    assert bench | {"penetration", "zero"} == set(PROCEDURES)
 
 
 def test_allan_deviation_of_a_ramp_and_of_white_noise() -> None:

@@ -19,7 +19,18 @@ if TYPE_CHECKING:
     from picoradar.instrument.procedures.station import Outcome, Progress, Station
     from picoradar.instrument.settings import Settings
 
-NAMES = ("transmitter", "distance", "gray-target", "templates", "scanner", "geometry", "prism", "drift", "penetration")
+NAMES = (
+    "transmitter",
+    "distance",
+    "gray-target",
+    "templates",
+    "scanner",
+    "geometry",
+    "prism",
+    "drift",
+    "penetration",
+    "zero",
+)
 
 
 def add_to(app: typer.Typer) -> None:
@@ -27,7 +38,8 @@ def add_to(app: typer.Typer) -> None:
     app.command(
         epilog="Examples: picoradar bench gray-target --out gray\n\n"
         "picoradar bench prism --settings bench.toml --json\n\n"
-        "picoradar bench penetration --material bone --coat-mm 0.1 --out penetration"
+        "picoradar bench penetration --material bone --coat-mm 0.1 --out penetration\n\n"
+        "picoradar bench zero --distance-mm 750 --range-sd-mm 0.1 --out zero"
     )(bench)
 
 
@@ -52,6 +64,12 @@ def bench(
     coat_mm: Annotated[
         float | None, typer.Option(help="penetration: thickness of its paint, by micrometer, mm.", min=0.02, max=2.0)
     ] = None,
+    distance_mm: Annotated[
+        float | None, typer.Option(help="zero: where the plate stands, mm (800).", min=650.0, max=1200.0)
+    ] = None,
+    range_sd_mm: Annotated[
+        float | None, typer.Option(help="zero: standard deviation of that distance, mm (0.2).", min=0.001, max=10.0)
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Report folder to make (must not exist).")] = None,
     json: options.Json = False,
 ) -> None:
@@ -63,7 +81,7 @@ def bench(
     stamp = _date(date)
     given = options.ScanOptions(seed=seed, world=world, averages=averages)
     wanted = _settings(settings, given, hidden_errors=hidden_errors)
-    wanted, procedure = _chosen(name, wanted, material, coat_mm)
+    wanted, procedure = _chosen(name, wanted, material, coat_mm, (distance_mm, range_sd_mm))
     folder = out or Path(f"picoradar-{name}")
     make_folder(folder, "give another report folder with --out", exist_ok=False)
     try:
@@ -114,24 +132,32 @@ def _date(text: str | None) -> datetime.datetime | None:
 
 
 def _chosen(
-    name: str, settings: Settings, material: str | None, coat_mm: float | None
+    name: str, settings: Settings, material: str | None, coat_mm: float | None, plate: tuple[float | None, float | None]
 ) -> tuple[Settings, Callable[[Station], Outcome]]:
     """Return settings and procedure of a name; for a half painted piece the simulated bench puts up one as described.
 
     Raises
     ------
     BadInput
-        When there is no such procedure or piece, or nobody has said how thick the paint on a real one is.
+        When there is no such procedure or piece, an option is of another procedure, or nobody has said how thick the
+        paint on a real one is.
     """
-    from picoradar.instrument.procedures import PROCEDURES
+    from picoradar.instrument.procedures import PROCEDURES, zero
 
     if name not in PROCEDURES:
         raise BadInput(f"bench {name!r}: no such procedure; there are {', '.join(PROCEDURES)}")
-    if name != "penetration":
-        if material is not None or coat_mm is not None:
-            raise BadInput(f"bench {name}: --material and --coat-mm are for the half painted piece of penetration")
-        return settings, PROCEDURES[name]
-    return _of_piece(settings, material, coat_mm)
+    if name != "penetration" and (material is not None or coat_mm is not None):
+        raise BadInput(f"bench {name}: --material and --coat-mm are for the half painted piece of penetration")
+    if name != zero.NAME and plate != (None, None):
+        raise BadInput(f"bench {name}: --distance-mm and --range-sd-mm are for the plate of bench zero")
+    if name == "penetration":
+        return _of_piece(settings, material, coat_mm)
+    if name == zero.NAME:
+        distance_mm, sd_mm = plate
+        return settings, functools.partial(
+            zero.run, distance_mm=distance_mm or zero.DISTANCE_MM, sd_mm=sd_mm or zero.SD_MM
+        )
+    return settings, PROCEDURES[name]
 
 
 def _of_piece(

@@ -144,6 +144,8 @@ def _summary(one: Calibration) -> dict[str, object]:
         "materials": {name: _ranged(entries) for name, entries in one.materials.items()},
         "walk_valid_mv": {method: walk.valid_mv for method, walk in one.walk.items()},
         "templates": one.templates is not None,
+        "zero_mark": _zero_mark(one),
+        "zero_plate": None if one.zero_plate is None else one.zero_plate.model_dump(mode="json"),
         "mirror_separation_mm": one.mirror_separation_mm,
         **{name: getattr(s, name) for name in type(s).model_fields},
         **{f"{name}_sd": sd for name, sd in (one.geometry.sd if one.geometry else {}).items()},
@@ -153,3 +155,7 @@ def _summary(one: Calibration) -> dict[str, object]:
 def _ranged(entries: Mapping[Ranging, Material]) -> dict[str, object]:
     """Return bias, its standard deviations, date and method for each way of ranging."""
     return {ranging: entry.model_dump(mode="json") for ranging, entry in entries.items()}
+
+
+def _zero_mark(one: Calibration) -> dict[str, float] | None:
+    return None if one.zero_mark is None else one.zero_mark.model_dump()

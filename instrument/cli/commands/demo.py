@@ -50,8 +50,8 @@ def demo(
     json: options.Json = False,
 ) -> None:
     """Warm up, scan a real hip socket on the simulated bench, register it, and write a report folder."""
-    from picoradar.instrument.cli import scanning, session
-    from picoradar.instrument.cli.demo_steps import register_scan, write_folder
+    from picoradar.instrument.cli import scanning, session, zero
+    from picoradar.instrument.cli.demo_steps import DemoAsked, register_scan, write_folder
 
     began = time.perf_counter()
     wanted = options.scan_settings(
@@ -77,7 +77,9 @@ def demo(
         scanned, _, cloud = scanning.record_scan(run, folder / "scan.db")
         if run.simulated is None:
             raise BadInput("demo runs on the simulated bench")
-        found = register_scan(run.simulated, cloud, scanned["range_error"]["sd_mm"], chosen, allowed)
+        objections = zero.objections(zero.check_of(folder / "scan.db"))
+        asked = DemoAsked(chosen, allowed, scanned["range_error"]["sd_mm"], objections)
+        found = register_scan(run.simulated, cloud, asked)
     parts = {"scan": scanned, "registration": found.described, "truth_error": found.registered.truth_error}
     report, wall_s = str(folder / "report.html"), round(time.perf_counter() - began, 3)
     result: JsonObject = {**parts, "report": report, "wall_s": wall_s}
@@ -146,6 +148,7 @@ def _show(result: JsonObject) -> None:
             "device time": f"{scan['device_time_s']:.1f} s (shots alone {scan['shot_limited_s']:.1f} s)",
             "range error, rms": f"{scan['truth']['range_rms_mm']:.3f} mm",
             "target": "{material}, {bias_mm:.2f} mm taken off each range".format(**scan["range_error"]),
+            "range zero": scan["zero_check"]["sentence"],
             "laser off": "verified" if scan["laser_off_verified"] else "NOT VERIFIED",
             "verdict": registration["verdict"] + ": " + " ".join(registration["reasons"]),
             "true error of the pose": f"{error['rotation_deg']:.3f} deg, {error['translation_mm']:.3f} mm",

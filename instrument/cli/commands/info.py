@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
@@ -47,15 +48,22 @@ def info(
         output.print_json(result)
     else:
         shown = ("lines", "lines_ok", "complete", "stop_reason", "seed", "raster", "range_error", "scanner", "versions")
-        output.print_table(str(recording), {k: result[k] for k in shown})
+        output.print_table(str(recording), {**{k: result[k] for k in shown}, "range zero": zero_words(result)})
         for line in bad:
             output.console().print(f"line {line['line']}: {line['problem']}")
     if bad:
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
 
 
+def zero_words(described: Mapping[str, object]) -> str:
+    """Return what the check of the range zero has found, in words."""
+    return str(cast("dict[str, object]", described["zero_check"])["sentence"])
+
+
 def describe_recording(scan: Recording) -> dict[str, object]:
     """Describe a recording by the keys of the command's contract; every line is checked."""
+    from picoradar.instrument.acquisition import zero_check_of
+
     checks, header = scan.check(), scan.header
     damaged = [{"line": line.index, "problem": line.problem} for line in checks if not line.ok]
     return {
@@ -70,5 +78,6 @@ def describe_recording(scan: Recording) -> dict[str, object]:
         "range_error": header.get("range_error"),
         "versions": header.get("versions"),
         "scanner": header.get("scanner"),
+        "zero_check": zero_check_of(scan).to_dict(),
         "damaged": damaged,
     }

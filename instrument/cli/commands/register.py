@@ -17,6 +17,7 @@ from picoradar.instrument.errors import BadInput
 from picoradar.instrument.events import JsonObject
 
 if TYPE_CHECKING:
+    from picoradar.instrument.calibration import ZeroCheck
     from picoradar.instrument.files.points import PointFile
     from picoradar.registration import Registration, Target, Tolerance
 
@@ -72,13 +73,15 @@ def register(
 ) -> None:
     """Find the pose of a scanned cloud in a model, and say how far to trust it."""
     import picoradar.registration as reg
-    from picoradar.instrument.files.points import read_points
+    from picoradar.instrument.cli import zero
+    from picoradar.instrument.files.points import is_recording, read_points
 
     chosen, allowed = checked_method(method), parse_tolerance(tolerance)
     begin = read_start(start, landmarks)
     places = read_targets(targets)
     regions = read_regions(exclude)
     points = read_points(cloud)
+    check = zero.check_of(cloud) if is_recording(cloud) else None
     began = time.perf_counter()
     prepared = reg.load_model(model)
     prepared_at = time.perf_counter()
@@ -96,14 +99,15 @@ def register(
         range_bias_mm=points.range_bias_mm if range_bias_mm is None else range_bias_mm,
         exclude=regions,
         tolerance=allowed,
+        objections=zero.objections(check),
     )
     done = time.perf_counter()
     duration = {"prepare_ms": (prepared_at - began) * 1e3, "register_ms": (done - prepared_at) * 1e3}
-    described = describe(result, allowed, **duration)
     if json:
-        output.print_json(described)
+        checked = None if check is None else check.to_dict()
+        output.print_json({**describe(result, allowed, **duration), "zero_check": checked})
     else:
-        show(points, result)
+        show(points, result, check)
     if result.verdict == "fail":
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
 
@@ -157,7 +161,7 @@ def checked_method(text: str) -> Literal["robust", "dissertation"]:
     raise BadInput(f"--method {text!r}: give robust or dissertation")
 
 
-def show(points: PointFile, result: Registration) -> None:
+def show(points: PointFile, result: Registration, check: ZeroCheck | None) -> None:
     """Print a registration for people."""
     rows: JsonObject = {
         "verdict": result.verdict,
@@ -166,6 +170,8 @@ def show(points: PointFile, result: Registration) -> None:
         "residual rms, mm": f"{result.rms_mm:.3f}",
         "predicted rotation error, deg": f"{result.predicted_rotation_deg:.3f}",
     }
+    if check is not None and check.passed:  # else it stands in the reasons
+        rows["range zero"] = check.sentence
     for target in result.targets:
         random = f"{target.rms_mm:.3f} rms, {target.p95_mm:.3f} in 95 %"
         rows[f"predicted error at {target.name}, mm"] = f"{random}; {in_words(target)}"

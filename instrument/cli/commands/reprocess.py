@@ -37,7 +37,7 @@ def reprocess(
     """Compute the ranges of a recording again, with another estimator or calibration; the old one is kept."""
     from picoradar.instrument import acquisition
     from picoradar.instrument.calibration import Calibration
-    from picoradar.instrument.cli.commands.info import describe_recording
+    from picoradar.instrument.cli.commands.info import describe_recording, zero_words
     from picoradar.instrument.line import ScanLine
     from picoradar.instrument.recording import Recording
 
@@ -57,7 +57,7 @@ def reprocess(
         output.print_json(result)
     else:
         shown = ("lines", "lines_ok", "complete", "stop_reason", "raster")
-        output.print_table(str(out), {key: result[key] for key in shown})
+        output.print_table(str(out), {**{key: result[key] for key in shown}, "range zero": zero_words(result)})
 
 
 def checked_method(name: str | None) -> Method | None:

@@ -52,6 +52,18 @@ class PointFile:
     range_bias_mm: float | None = None
 
 
+def is_recording(path: str | os.PathLike[str]) -> bool:
+    """Get whether a file is a recording, by its content.
+
+    Raises
+    ------
+    OSError
+        When it cannot be read.
+    """
+    with Path(path).open("rb") as content:
+        return content.read(len(_SQLITE)) == _SQLITE
+
+
 def read_points(path: str | os.PathLike[str]) -> PointFile:
     """Read points in mm.
 

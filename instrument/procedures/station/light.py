@@ -14,7 +14,7 @@ from picoradar.drivers.clock import Clock
 from picoradar.drivers.interfaces import Galvo, Record, Sampler, SweepSettings
 from picoradar.instrument.controller import Between
 from picoradar.instrument.events import JsonObject
-from picoradar.instrument.line import ScanLine
+from picoradar.instrument.line import ScanLine, ZeroReading
 
 FloatArray = NDArray[np.float64]
 Wait = Callable[[Callable[[], bool]], None]
@@ -153,6 +153,9 @@ class NoStore:
 
     def append(self, line: ScanLine, *, acknowledged_at_s: float | None = None) -> None:
         """Take a line; there is nothing in it."""
+
+    def append_zero(self, reading: ZeroReading) -> None:
+        """Take a reading of the mark; there is none."""
 
     def event(self, time_s: float, kind: str, *, state: str | None = None, **fields: object) -> None:
         """Take note of nothing."""

@@ -49,6 +49,8 @@ class PlanSettings:
         Weakest response (mV) that is planned for; a weaker one would take the shots of many others.
     monitor_sd_share : float
         Share of ``wanted_sd_mm`` that a point which is monitored for motion is measured to.
+    mark_sd_mm : float
+        Standard deviation that the zero mark is measured to.
     neighbours, dropped_share : int, float
         An echo is suspected below that share of the median response of so many points to either side.
     unsure_share : float
@@ -79,6 +81,7 @@ class PlanSettings:
     reference_margin_ps: float = 20.0
     min_response_mv: float = 3.0
     monitor_sd_share: float = 0.6
+    mark_sd_mm: float = 0.15
     neighbours: int = 4
     dropped_share: float = 0.75
     response_rung: float = 1.1

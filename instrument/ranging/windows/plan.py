@@ -96,6 +96,21 @@ class WindowPlanner:
         )
         return PointWindows(_at(windows[0], reference_ps), _at(windows[1], echo_ps), wide=False)
 
+    def mark(self, range_mm: float) -> PointWindows:
+        """Return the windows over a mark at a known range: wide enough for whatever the radar may be off by (36 mm),
+        and a reference of its own, searched anew."""
+        settings, (reference_ps, reference_margin_ps) = self.settings, self._calibrated_reference()
+        windows = cheapest_windows(
+            replace(settings, wanted_sd_mm=settings.mark_sd_mm),
+            self.calibration,
+            reference_margin_ps=reference_margin_ps,
+            margin_ps=settings.margins_ps[-1],
+            response_mv=settings.first_response_mv,
+            sharing=1,
+        )
+        echo_ps = reference_ps + (range_mm - self.calibration.range_zero_mm) / RANGE_PER_INTERVAL_MM_PER_PS
+        return PointWindows(_at(windows[0], reference_ps), _at(windows[1], echo_ps), wide=True)
+
     def lost(self, points: Sequence[PointWindows], ranges: Ranges) -> NDArray[np.intp]:
         """Return the columns to be taken again with a wide window.
 

@@ -74,7 +74,7 @@ class TissueLight:
         for number, cosine in zip(numbers.tolist(), hits.cosine[seen].tolist(), strict=True):
             kind = number, round(math.acos(min(cosine, 1.0)) * STEPS_PER_RAD)
             if kind not in known:
-                known[kind] = self._of_kind(scene.target.materials[number].inside, kind[1], surface)
+                known[kind] = self._of_kind(scene.material(number).inside, kind[1], surface)
             found.append(known[kind])
         lates, gain = zip(*found, strict=True)
         return Inside(list(lates), np.array(gain))

@@ -1,0 +1,63 @@
+"""The check of the range zero on the command line: what a scan is checked by, and what its check found."""
+
+from __future__ import annotations
+
+import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from picoradar.drivers.errors import LimitError
+from picoradar.instrument.acquisition import PLATE, MarkPlan, RasterPlan, Setup, zero_check_of
+from picoradar.instrument.calibration import Calibration, ZeroCheck
+from picoradar.instrument.cli import output
+from picoradar.instrument.events import JsonObject
+from picoradar.instrument.recording import Recording
+from picoradar.instrument.settings import Settings
+
+if TYPE_CHECKING:
+    from picoradar.registration import Objection
+
+__all__ = ["PLATE", "check_of", "mark_for", "objections", "plate_now"]
+
+
+def mark_for(setup: Setup) -> MarkPlan | None:
+    """Plan the mark that a scan is checked by; None where there is none, and said where it cannot be reached."""
+    try:
+        mark = MarkPlan.of(setup.settings, setup.calibration)
+    except LimitError as error:
+        _say(f"no check of the range zero: the mark of the calibration cannot be reached ({error})")
+        return None
+    if mark is None and setup.calibration.zero_plate is None:
+        _say("no mark to check the range zero by (zero_mark of the calibration); see docs/zero-check.md")
+    elif mark is not None and mark.stands_in(RasterPlan.of(setup.settings, setup.calibration)):
+        _say("the mark of the range zero stands in the raster: points in its corner are of the mark, not of the target")
+    return mark
+
+
+def plate_now(settings: Settings, calibration: Calibration) -> JsonObject | None:
+    """Get the check on a plate that a scan without a mark relies on, with its age in hours; None where there is one."""
+    plate = calibration.zero_plate
+    if plate is None or (calibration.zero_mark is not None and settings.scanner.zero_mark):
+        return None
+    age_h = (datetime.datetime.now(datetime.UTC) - plate.date).total_seconds() / 3600
+    if not age_h <= settings.scanner.zero_hours:
+        hours = f"{settings.scanner.zero_hours:g} h (scanner.zero_hours)"
+        _say(f"the check of the range zero is {age_h:.1f} h old and holds for {hours}: run picoradar bench zero")
+    return {"plate": plate.model_dump(mode="json"), "age_h": age_h}
+
+
+def check_of(path: Path) -> ZeroCheck:
+    """Judge the check of a recording."""
+    with Recording.open(path) as recording:
+        return zero_check_of(recording)
+
+
+def objections(check: ZeroCheck | None) -> list[Objection]:
+    """Return what a check says against a registration: nothing when it has passed, or when there was no radar."""
+    from picoradar.registration import Objection
+
+    return [] if check is None or check.passed else [Objection(check.sentence, fails=check.outcome == "failed")]
+
+
+def _say(text: str) -> None:
+    output.console().print(text, markup=False)
