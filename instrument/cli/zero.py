@@ -17,7 +17,7 @@ from picoradar.instrument.settings import Settings
 if TYPE_CHECKING:
     from picoradar.registration import Objection
 
-__all__ = ["PLATE", "check_of", "mark_for", "objections", "plate_now"]
+__all__ = ["PLATE", "check_of", "described", "mark_for", "objections", "plate_now"]
 
 
 def mark_for(setup: Setup) -> MarkPlan | None:
@@ -50,6 +50,11 @@ def check_of(path: Path) -> ZeroCheck:
     """Judge the check of a recording."""
     with Recording.open(path) as recording:
         return zero_check_of(recording)
+
+
+def described(check: ZeroCheck | None) -> JsonObject | None:
+    """Return a check as plain data, None where there was no radar."""
+    return None if check is None else check.to_dict()
 
 
 def objections(check: ZeroCheck | None) -> list[Objection]:

@@ -104,8 +104,7 @@ def register(
     done = time.perf_counter()
     duration = {"prepare_ms": (prepared_at - began) * 1e3, "register_ms": (done - prepared_at) * 1e3}
     if json:
-        checked = None if check is None else check.to_dict()
-        output.print_json({**describe(result, allowed, **duration), "zero_check": checked})
+        output.print_json({**describe(result, allowed, **duration), "zero_check": zero.described(check)})
     else:
         show(points, result, check)
     if result.verdict == "fail":
