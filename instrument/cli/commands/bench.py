@@ -92,15 +92,9 @@ def bench(
         raw = folder / "raw"
         kept = f"readings so far are in {raw}" if any(raw.glob("*.db")) else "no readings were kept"
         raise Interrupted(f"{stopped}; {run.controller.safe}; no report was written; {kept}") from stopped
-    simulated = wanted.bench == "simulated"
+    seed_of, simulation = (wanted.seed, checked_simulation(wanted)) if wanted.bench == "simulated" else (None, None)
     try:
-        result = write_outcome(
-            folder,
-            outcome,
-            settings=wanted,
-            seed=wanted.seed if simulated else None,
-            simulation=checked_simulation(wanted) if simulated else None,
-        )
+        result = write_outcome(folder, outcome, settings=wanted, seed=seed_of, simulation=simulation)
     except OSError as error:
         raise BadInput(f"{folder}: the report cannot be written: {error}; make room and run this again") from error
     if json:

@@ -80,9 +80,8 @@ def demo(
         objections = zero.objections(zero.check_of(folder / "scan.db"))
         asked = DemoAsked(chosen, allowed, scanned["range_error"]["sd_mm"], objections)
         found = register_scan(run.simulated, cloud, asked)
-    parts = {"scan": scanned, "registration": found.described, "truth_error": found.registered.truth_error}
-    report, wall_s = str(folder / "report.html"), round(time.perf_counter() - began, 3)
-    result: JsonObject = {**parts, "report": report, "wall_s": wall_s}
+    result = _result(folder, scanned, found)
+    result["wall_s"] = round(time.perf_counter() - began, 3)
     with output.console().status("writing the report"):
         write_folder(folder, wanted, cloud, found, {**result, "passed": accepted(result, found)})
     result["wall_s"] = round(time.perf_counter() - began, 3)
@@ -92,6 +91,11 @@ def demo(
         _show(result)
     if not accepted(result, found):
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
+
+
+def _result(folder: Path, scanned: JsonObject, found: DemoRegistration) -> JsonObject:
+    parts = {"scan": scanned, "registration": found.described, "truth_error": found.registered.truth_error}
+    return {**parts, "report": str(folder / "report.html")}
 
 
 def _of_demo(settings: Settings) -> Settings:

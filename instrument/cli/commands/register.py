@@ -77,9 +77,7 @@ def register(
     from picoradar.instrument.files.points import is_recording, read_points
 
     chosen, allowed = checked_method(method), parse_tolerance(tolerance)
-    begin = read_start(start, landmarks)
-    places = read_targets(targets)
-    regions = read_regions(exclude)
+    begin, places, regions = read_start(start, landmarks), read_targets(targets), read_regions(exclude)
     points = read_points(cloud)
     check = zero.check_of(cloud) if is_recording(cloud) else None
     began = time.perf_counter()
