@@ -69,9 +69,8 @@ def demo(
         estimator=estimator,
         material=material,
     )
-    wanted = _of_demo(wanted)
+    wanted, folder = _of_demo(wanted), report_folder(out)
     chosen, allowed = registering.checked_method(method), registering.parse_tolerance(tolerance)
-    folder = report_folder(out)
     with session.session(wanted, options.parse_speed(speed)) as run:
         session.warm_up(run)
         scanned, _, cloud = scanning.record_scan(run, folder / "scan.db")
@@ -80,8 +79,7 @@ def demo(
         objections = zero.objections(zero.check_of(folder / "scan.db"))
         asked = DemoAsked(chosen, allowed, scanned["range_error"]["sd_mm"], objections)
         found = register_scan(run.simulated, cloud, asked)
-    result = _result(folder, scanned, found)
-    result["wall_s"] = round(time.perf_counter() - began, 3)
+    result = {**_result(folder, scanned, found), "wall_s": round(time.perf_counter() - began, 3)}
     with output.console().status("writing the report"):
         write_folder(folder, wanted, cloud, found, {**result, "passed": accepted(result, found)})
     result["wall_s"] = round(time.perf_counter() - began, 3)
