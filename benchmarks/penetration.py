@@ -184,12 +184,18 @@ def main() -> int:
     parser.add_argument("--processes", type=int, default=1)
     asked = parser.parse_args()
     one = partial(scans_of, scans=asked.scans, mode=asked.mode)
-    with ProcessPoolExecutor(asked.processes) as pool:
-        done: list[Scanned] = []
-        for found in pool.map(one, range(1, asked.samples + 1)):
-            done += found
-            print(f"sample {found[0].sample}: range error {[round(s.range_error_mm, 2) for s in found]}", flush=True)
-    return 0 if show(done) else 1
+    done: list[Scanned] = []
+    holds = False
+    try:
+        with ProcessPoolExecutor(asked.processes) as pool:
+            for found in pool.map(one, range(1, asked.samples + 1)):
+                done += found
+                left = [round(scanned.range_error_mm, 2) for scanned in found]
+                print(f"sample {found[0].sample}: range error {left}", flush=True)
+    finally:
+        if done:
+            holds = show(done)
+    return 0 if holds else 1
 
 
 if __name__ == "__main__":

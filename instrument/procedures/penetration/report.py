@@ -122,4 +122,4 @@ def _draw(figure: Figure, piece: Piece) -> None:
         axes.axhline(float(np.mean(biases)), color=f"C{number}", lw=1)
     axes.set(xlabel="angle of incidence, deg", ylabel="farther than paint, mm")
     axes.grid(alpha=0.3)
-    axes.legend(frameon=False)
+    axes.legend(frameon=False, loc="upper left")
