@@ -184,8 +184,11 @@ def _effects(table: ShapeTable, first: int, amplitude_mv: float, samples: int, w
     slow = np.linalg.qr(np.polynomial.legendre.legvander(place, waves))[0][:, 1:].T
     forms = np.vstack([rest, slow @ rest])
     units = _units(table, first, samples)
-    seen = np.einsum("qi,cij,qj->qc", forms, units, forms, optimize=True)
-    return _Effects(seen, np.einsum("qi,qi,i->q", forms, forms, 1.0 / weight), slow, amplitude_mv)
+    squares = forms**2
+    seen = np.stack([squares @ np.diagonal(units[kind]) for kind in (WHITE, JITTER, ENERGY)], axis=1)  # diagonal ones
+    of_flicker = np.einsum("qi,qi->q", forms @ units[FLICKER], forms)
+    seen = np.column_stack([seen, of_flicker, (forms @ place) ** 2])
+    return _Effects(seen, squares @ (1.0 / weight), slow, amplitude_mv)
 
 
 def _sizes(groups: Sequence[tuple[PulseFit, Residuals, _Effects]], settings: RangingSettings) -> FloatArray:

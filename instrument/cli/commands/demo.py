@@ -72,21 +72,18 @@ def demo(
     wanted, folder = _of_demo(wanted), report_folder(out)
     chosen, allowed = registering.checked_method(method), registering.parse_tolerance(tolerance)
     with session.session(wanted, options.parse_speed(speed)) as run:
-        session.warm_up(run)
-        scanned, _, cloud = scanning.record_scan(run, folder / "scan.db")
         if run.simulated is None:
             raise BadInput("demo runs on the simulated bench")
-        objections = zero.objections(zero.check_of(folder / "scan.db"))
-        asked = DemoAsked(chosen, allowed, scanned["range_error"]["sd_mm"], objections)
+        session.warm_up(run)
+        scanned, _, cloud = scanning.record_scan(run, folder / "scan.db")
+        against = zero.objections(zero.check_of(folder / "scan.db"))
+        asked = DemoAsked(chosen, allowed, scanned["range_error"]["sd_mm"], against)
         found = register_scan(run.simulated, cloud, asked)
     result = {**_result(folder, scanned, found), "wall_s": round(time.perf_counter() - began, 3)}
     with output.console().status("writing the report"):
         write_folder(folder, wanted, cloud, found, {**result, "passed": accepted(result, found)})
     result["wall_s"] = round(time.perf_counter() - began, 3)
-    if json:
-        output.print_json(result)
-    else:
-        _show(result)
+    (output.print_json if json else _show)(result)
     if not accepted(result, found):
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
 
