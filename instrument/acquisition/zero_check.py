@@ -98,6 +98,8 @@ def plate_range(plate: ZeroPlate, method: Method, calibration: Calibration) -> t
 
 def zero_sd_mm(calibration: Calibration) -> float:
     """Get the standard deviation of the range zero itself, as far as the calibration knows it."""
+    if calibration.range_zero_sd_mm is not None:
+        return calibration.range_zero_sd_mm
     return calibration.geometry.sd.get("range_zero_mm", 0.0) if calibration.geometry else 0.0
 
 

@@ -19,7 +19,7 @@ from picoradar.instrument.recording import Recording, RecordingError, salvage
 from picoradar.instrument.settings import Settings, override
 from picoradar.sim.physics import HIP_FILE
 
-WINDOWS = ("--grid", "20x20", "--step-mm", "2", "--mode", "window", "--seed", "7")
+WINDOWS = ("--grid", "20x20", "--step-mm", "2", "--mode", "window", "--seed", "7", "--material", "bone")
 SHORT = ("--grid", "3x2", "--seed", "7")
 DRIFT_MM = 4.0  # of the reference fibre: all ranges are off by half of it
 
