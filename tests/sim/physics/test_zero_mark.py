@@ -32,7 +32,7 @@ def test_the_beam_of_its_place_meets_it_square_at_its_range(place_deg: tuple[flo
         path_mm = bench.mirrors.ray(np.radians(place_deg)).path_mm
         assert path_mm + hits.distance_mm[0] == pytest.approx(660.0 + bench.settings.mirror_separation_mm, abs=1e-9)
         assert hits.cosine[0] == pytest.approx(1.0)
-        assert material_of(bench.scene, hits).diffuse == 0.3
+        assert material_of(bench.scene, hits.face).diffuse == 0.3
 
 
 def test_beside_it_the_beam_goes_on_to_the_target() -> None:
@@ -41,7 +41,7 @@ def test_beside_it_the_beam_goes_on_to_the_target() -> None:
             origin, direction = to_mark(bench, side_mm)
             hits = bench.scene.cast(np.stack([origin, origin]), direction)
             assert (hits.distance_mm < 700.0).tolist() == [on_it, on_it], side_mm
-            assert (material_of(bench.scene, hits).diffuse == 0.3) is on_it
+            assert (material_of(bench.scene, hits.face).diffuse == 0.3) is on_it
 
 
 def test_the_target_s_motion_and_paint_leave_it_alone() -> None:
@@ -49,7 +49,7 @@ def test_the_target_s_motion_and_paint_leave_it_alone() -> None:
         origin, direction = to_mark(bench)
         still, moved = (bench.scene.cast(origin[None], direction, nearer_mm) for nearer_mm in (0.0, 15.0))
         assert moved.distance_mm[0] == still.distance_mm[0]
-        assert material_of(bench.scene, still).diffuse == 0.3
+        assert material_of(bench.scene, still.face).diffuse == 0.3
         straight = np.zeros((1, 3)), np.array([0.0, 0.0, 1.0])
         far, near = (bench.scene.cast(*straight, nearer_mm).distance_mm[0] for nearer_mm in (0.0, 15.0))
         assert far - near == pytest.approx(15.0)
