@@ -16,8 +16,9 @@ from picoradar.instrument.ranging import (
     learn_moving,
 )
 
-DOCS = Path(__file__).parents[2] / "docs" / "foreign-traces.md"
-REAL = Path("/work/shared/data/lidar-waveforms-scipy-lectures")
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs" / "foreign-traces.md"
+REAL = ROOT.parent / "shared" / "data" / "lidar-waveforms-scipy-lectures"
 METHODS = ("half-maximum", "template")
 OTHER = OtherPulse(fwhm_ps=5000.0, step_ps=1000.0, full_scale=(-np.inf, 255.0))
 SETTINGS, LEARNING = RangingSettings.for_pulse(OTHER), LearningSettings.for_pulse(OTHER)
