@@ -32,7 +32,7 @@ from picoradar.instrument.ranging import WindowTraces, estimate, estimate_window
 from picoradar.sim.validation import SWEEPS, TIMES_PS, painted
 
 HELD_BACK_MV = (15.0, 16.3, 17.9, 19.6, 22.0, 25.0, 27.5, 31.0, 36.0, 42.0, 50.0, 58.0, 64.0)
-AVERAGES, RESPONSES_MV = (1, 4, 8, 16), (15.0, 25.0, 35.0, 45.0, 55.0, 65.0)
+AVERAGES, RESPONSES_MV = (1, 2, 4, 8, 16), (15.0, 20.0, 25.0, 35.0, 45.0, 55.0, 65.0)
 
 
 def efficiency(seed: int, count: int, picture: Path | None) -> None:
@@ -66,7 +66,7 @@ def draw(ratios: FloatArray, picture: Path) -> None:
     figure = Figure(figsize=(7, 3.5), layout="constrained")
     axes = figure.subplots()
     for name, style, of_method in zip(METHODS, ("--", "-"), ratios, strict=True):
-        for colour, sweeps, values in zip(("C0", "C1", "C2", "C3"), AVERAGES, of_method, strict=True):
+        for colour, sweeps, values in zip(("C0", "C1", "C2", "C3", "C4"), AVERAGES, of_method, strict=True):
             axes.semilogy(RESPONSES_MV, values, style + "o", color=colour, ms=4, label=f"{name}, {sweeps} averages")
     axes.axhline(1.0, color="black", lw=1)
     axes.axhline(1.1, color="black", lw=1, ls=":")

@@ -42,7 +42,7 @@ class CommonShape(NamedTuple):
 
 def usable_records(fit: PulseFit, left: Residuals, settings: RangingSettings) -> BoolArray:
     """Return which records (R,) have a pulse of the shape that most have."""
-    square = np.einsum("rm,rm->r", left.deviations, left.deviations) / left.used.sum(axis=1)
+    square = left.square / left.used.sum(axis=1)
     usable = np.isfinite(square) & (fit.amplitude_mv > settings.min_response_mv)
     if usable.any():
         usable &= square <= settings.max_pooled_misfit * max(float(np.median(square[usable])), 1.0)
@@ -119,9 +119,7 @@ def moved_sd_ps(fit: PulseFit, shape: CommonShape, settings: RangingSettings) ->
 
 def _usual(left: Residuals) -> tuple[FloatArray, FloatArray]:
     """Return derivatives (3, M) of the usual record of a group, and what its fit takes up (3, M) of a change in mV."""
-    delay, amplitude = np.array([np.median(left.entries.delay_ps)]), np.array([np.median(left.entries.amplitude_mv)])
-    samples = left.deviations.shape[1]
-    return usual_gain(left.table, int(left.table.locate(delay, amplitude, samples).first[0]), samples)
+    return usual_gain(left.table, left.usual[0], left.deviations.shape[1])
 
 
 @lru_cache(maxsize=1024)

@@ -12,7 +12,7 @@ from picoradar.instrument.ranging.common_shape import CommonShape, common_shape,
 from picoradar.instrument.ranging.residual_noise import ResidualNoise
 from picoradar.instrument.ranging.second_pulse import evidence
 from picoradar.instrument.ranging.settings import RangingSettings
-from picoradar.instrument.ranging.template_fit import UNKNOWNS, PulseFit
+from picoradar.instrument.ranging.template_fit import PulseFit
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -85,18 +85,16 @@ def _judged(
     if fit.residuals is None or plain.residuals is None or bare.residuals is None:
         none = np.zeros(len(fit.delay_ps), dtype=np.bool_)
         return Noticed(fit, none, none, none)
-    used = bare.residuals.used.sum(axis=1)
-    freedom = np.maximum(used - UNKNOWNS, 1)
+    freedom, square = bare.residuals.freedom, bare.residuals.square
     usual = noise.usual_square(fit) * freedom
-    square = np.einsum("rm,rm->r", bare.residuals.deviations, bare.residuals.deviations)
     misfit = (square / usual - 1.0) * np.sqrt(freedom / 2.0)
     poor = misfit > settings.worst_misfit_sigmas
     wider = noise.refined(fit._replace(residuals=bare.residuals))
     stated_ps2 = wider.covariance[:, 0, 0]
     covariance = wider.covariance * np.where(poor, square / usual, 1.0)[:, None, None]
     distorted = poor & (fit.residual_mv > settings.worst_residual * fit.amplitude_mv)
-    samples = bare.residuals.used.shape[1]
-    distorted |= samples - used > max(settings.max_outliers, settings.many_outliers * samples)
+    out = ~bare.residuals.used
+    distorted |= out.sum(axis=1) > max(settings.max_outliers, settings.many_outliers * out.shape[1])
     distorted |= noise.energy_share > settings.worst_energy_share
     if shape is not None:
         moved_ps2 = moved_sd_ps(fit, shape, settings) ** 2
@@ -104,8 +102,7 @@ def _judged(
         covariance = covariance.copy()
         covariance[:, 0, 0] += moved_ps2
     wider = wider._replace(covariance=covariance, misfit_sigmas=misfit)
-    shown_square = np.einsum("rm,rm->r", plain.residuals.deviations, plain.residuals.deviations)
-    unusual = (shown_square / usual - 1.0) * np.sqrt(freedom / 2.0) > settings.worst_misfit_sigmas
+    unusual = (plain.residuals.square / usual - 1.0) * np.sqrt(freedom / 2.0) > settings.worst_misfit_sigmas
     none = np.zeros(len(fit.delay_ps), dtype=np.bool_)
     return Noticed(wider, none, distorted, poor | unusual)
 
@@ -117,8 +114,7 @@ def _with_second_pulse(judged: Noticed, plain: PulseFit, noise: ResidualNoise, s
         return judged
     near, far = evidence(left, noise.deviations_covariance(left), settings)
     most = np.maximum(near, far)
-    freedom = np.maximum(left.used.sum(axis=1) - UNKNOWNS, 1)
-    excess = np.einsum("rm,rm->r", left.deviations, left.deviations) - noise.usual_square(plain) * freedom
+    excess = left.square - noise.usual_square(plain) * left.freedom
     second = ((near > settings.near_sigmas) | (far > settings.far_sigmas)) & (
         most**2 > settings.explained_share * excess
     )

@@ -118,7 +118,7 @@ class ResidualNoise:
         samples = left.deviations.shape[1]
         if not self._sizes.any():
             return np.eye(samples)
-        first, _ = _usual_entry(left)
+        first, _ = left.usual
         return _covariance(left.table, first, samples, float(np.median(left.sweeps)), self._sizes)
 
 
@@ -150,14 +150,7 @@ def _covariance(table: ShapeTable, first: int, samples: int, sweeps: float, size
 
 def _effects_of(left: Residuals, waves: int) -> _Effects:
     """Look up what unit components do to the usual record of a group."""
-    return _effects(left.table, *_usual_entry(left), left.deviations.shape[1], waves)
-
-
-def _usual_entry(left: Residuals) -> tuple[int, float]:
-    samples = left.deviations.shape[1]
-    delay, amplitude = np.array([np.median(left.entries.delay_ps)]), np.array([np.median(left.entries.amplitude_mv)])
-    entry = left.table.locate(delay, amplitude, samples)
-    return int(entry.first[0]), float(entry.amplitude_mv[0])
+    return _effects(left.table, *left.usual, left.deviations.shape[1], waves)
 
 
 @lru_cache(maxsize=64)

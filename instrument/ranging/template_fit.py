@@ -37,6 +37,23 @@ class Residuals(NamedTuple):
     table: ShapeTable
     sweeps: FloatArray
 
+    @property
+    def square(self) -> FloatArray:
+        """Get the sums (R,) of the squared deviations."""
+        return np.asarray(np.einsum("rm,rm->r", self.deviations, self.deviations), dtype=np.float64)
+
+    @property
+    def freedom(self) -> NDArray[np.int64]:
+        """Get the samples (R,) beyond the unknowns, 1 at least: what noise as calibrated makes the square."""
+        return np.asarray(np.maximum(self.used.sum(axis=1) - UNKNOWNS, 1), dtype=np.int64)
+
+    @property
+    def usual(self) -> tuple[int, float]:
+        """Get place in the table and amplitude (mV) of the entry that is the middle one of the records."""
+        delay, amplitude = np.median(self.entries.delay_ps), np.median(self.entries.amplitude_mv)
+        entry = self.table.locate(np.array([delay]), np.array([amplitude]), self.deviations.shape[1])
+        return int(entry.first[0]), float(entry.amplitude_mv[0])
+
 
 class PulseFit(NamedTuple):
     """Fit of one pulse in each of R records.

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from picoradar.sim.physics.noise import Noise
+from picoradar.sim.physics.oscilloscope import NOISE_MV, coded
 from picoradar.sim.physics.thermal import DiodeBlock
 from picoradar.sim.physics.transmitter import Transmitter
 from picoradar.sim.settings import SimulationSettings
@@ -14,8 +15,6 @@ from picoradar.sim.wires import Acquisition, Supply, TriggerLine
 R_M_OHM = 0.25  # two thin film resistors of 0.5 ohm in parallel (section 2.6.1)
 ATTENUATION = 50.0  # chosen: 4.9 V of 19.7 A become 99 mV, which the oscilloscope takes
 PEAK_PS = 5000.0  # of the pulse at 20 kHz after the trigger; chosen
-NOISE_MV = 0.3  # of the oscilloscope's channel, as that of the detector
-ZERO_CODE, MV_PER_CODE, MAX_CODE = 32.0, 0.5, 255
 
 
 class CurrentMonitor:
@@ -60,6 +59,5 @@ class CurrentMonitor:
             after_ns = (wanted.delay_ps + wanted.step_ps * np.arange(wanted.samples) - PEAK_PS) * 1e-3 - pulse.delay_ns
             mean_mv = np.array([pulse.at(time_ns) for time_ns in after_ns.tolist()]) * (1e3 * R_M_OHM / ATTENUATION)
             signal_mv += mean_mv * (1.0 + self._current_noise * rng.standard_normal(shape))
-        codes = np.rint(signal_mv / MV_PER_CODE + ZERO_CODE)
-        self._clipped = bool((codes < 0).any() or (codes > MAX_CODE).any())
-        return np.asarray(np.clip(codes, 0, MAX_CODE).sum(axis=0), dtype=np.uint32)
+        sums, self._clipped = coded(signal_mv)
+        return sums

@@ -8,16 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from picoradar.sim.physics.noise import Noise
+from picoradar.sim.physics.oscilloscope import NOISE_MV, coded
 from picoradar.sim.physics.thermal import DiodeBlock
 from picoradar.sim.physics.transmitter import LaserPulse, Transmitter
 from picoradar.sim.settings import SimulationSettings
 from picoradar.sim.wires import Acquisition, Supply, TriggerLine
 
 MV_PER_W = 0.5
-NOISE_MV = 0.3
 JITTER_PS = 1.0
 METER_SHARE = 0.01  # standard deviation of a reading of the power meter
-ZERO_CODE, MV_PER_CODE = 32.0, 0.5
 
 
 class LaserMonitor:
@@ -72,9 +71,8 @@ class LaserMonitor:
             missed = rng.random(shape) < laser.misfire_share
             energy = 1.0 + laser.energy_noise * rng.standard_normal(shape)
             signal_mv += MV_PER_W * np.where(missed, _at(weak, times_ps), energy * _at(laser, times_ps))
-        codes = np.rint(signal_mv / MV_PER_CODE + ZERO_CODE)
-        self._clipped = bool((codes < 0).any() or (codes > 255).any())
-        return np.asarray(np.clip(codes, 0, 255).sum(axis=0), dtype=np.uint32)
+        sums, self._clipped = coded(signal_mv)
+        return sums
 
     def mean_power_mw(self) -> float:
         """Read the power meter at the exit."""
