@@ -118,7 +118,7 @@ def _scan_into(run: Session, job: Acquisition, recording: Recording) -> Recorded
         except Exception as error:
             error.add_note(_what_next(len(lines), recording))
             raise
-    cloud = cloud_of(lines)
+    cloud = cloud_of(lines, raster=True)
     result = {"recording": str(recording.path), "lines": len(lines), **describe_scan(run, job, cloud, outcome)}
     result["zero_check"] = zero.check_of(recording.path).to_dict()
     result["wall_s"] = round(time.perf_counter() - began, 3)

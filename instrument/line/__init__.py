@@ -1,6 +1,7 @@
 """One line of a scan: what crosses from the acquisition to its sinks."""
 
 from picoradar.instrument.line.scan_line import NO_RANGE, ORIGIN_MM, SUSPECT, Flag, ScanLine, beams_to
+from picoradar.instrument.line.steps import SIGNIFICANT, in_step, in_step_of_raster
 from picoradar.instrument.line.windows import PULSES, LineWindows
 from picoradar.instrument.line.zero import ZeroReading
 
@@ -8,10 +9,13 @@ __all__ = [
     "NO_RANGE",
     "ORIGIN_MM",
     "PULSES",
+    "SIGNIFICANT",
     "SUSPECT",
     "Flag",
     "LineWindows",
     "ScanLine",
     "ZeroReading",
     "beams_to",
+    "in_step",
+    "in_step_of_raster",
 ]

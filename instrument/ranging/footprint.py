@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.line import Flag
+from picoradar.instrument.line import SIGNIFICANT, Flag, in_step
 from picoradar.instrument.ranging.ranges import Ranges
 
 FloatArray = NDArray[np.float64]
@@ -24,11 +24,8 @@ BoolArray = NDArray[np.bool_]
 
 SPOT_MM = 1.0  # diameter (1/e^2) of the spot on the target
 DEEPEST_MM = 3.0  # a smooth surface under the spot has less depth: 72 degrees of incidence
-STEP_MM = 2.0  # between two surfaces: a spot that lies half on either is off by half of it
 PART_SHARE = 0.75  # of the neighbour's response: less shows that a part of the spot misses the surface
 PART_SLOPE = 0.5  # and from this slope on (mm/mm) that moves the range by as much as its noise
-SIGNIFICANT = 5.0
-"""Standard deviations of a difference that noise does not reach: one false flag in a million points."""
 
 
 class LineBefore(NamedTuple):
@@ -88,10 +85,13 @@ def _deep(difference_mm: FloatArray, variance_mm2: FloatArray, limit_mm: float) 
 
 def _step(range_mm: FloatArray, variance_mm2: FloatArray) -> BoolArray:
     """Return where the surface goes up or down by more than it does on both sides together."""
-    (left, right), (farther_left, farther_right) = _neighbours(range_mm, 1), _neighbours(range_mm, 2)
-    (near_mm2, other_mm2), (far_mm2, other_far_mm2) = _neighbours(variance_mm2, 1), _neighbours(variance_mm2, 2)
-    step = np.abs(right - left) - np.abs(farther_right - right) - np.abs(left - farther_left)
-    return _deep(step, 4.0 * (near_mm2 + other_mm2) + far_mm2 + other_far_mm2, STEP_MM)
+    around_mm, variances_mm2 = (
+        np.stack([farther_left, left, values, right, farther_right])
+        for values, (left, right), (farther_left, farther_right) in (
+            (values, _neighbours(values, 1), _neighbours(values, 2)) for values in (range_mm, variance_mm2)
+        )
+    )
+    return in_step(around_mm, variances_mm2)
 
 
 def _neighbours(values: FloatArray, reach: int) -> tuple[FloatArray, FloatArray]:

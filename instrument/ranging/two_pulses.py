@@ -90,6 +90,8 @@ def fit_two_pulses(
         values = values + np.clip(step, -move, move)
         values[:, [1, 3]] = np.clip(values[:, [1, 3]], settings.min_response_mv / 4, None)
         values[:, [0, 2]] = np.clip(values[:, [0, 2]], -samples * table.step_ps, 2 * samples * table.step_ps)
+        if np.abs(step[:, [0, 2]]).max() < settings.settled_ps:
+            break
     if best is None:
         raise AssertionError("no step was taken")
     return _in_order(best)

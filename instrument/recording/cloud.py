@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.line import NO_RANGE, ScanLine, beams_to
+from picoradar.instrument.line import NO_RANGE, Flag, ScanLine, beams_to, in_step_of_raster
 
 
 @dataclass(frozen=True)
@@ -68,14 +68,22 @@ class Cloud:
         return type(self)(**{field.name: getattr(self, field.name)[chosen] for field in fields(self)})
 
 
-def cloud_of(lines: Iterable[ScanLine]) -> Cloud:
-    """Join lines to a cloud, in the order of their rows."""
+def cloud_of(lines: Iterable[ScanLine], *, raster: bool = False) -> Cloud:
+    """Join lines to a cloud, in the order of their rows.
+
+    Parameters
+    ----------
+    lines : iterable of ScanLine
+    raster : bool
+        Whether rows and columns are neighbours in space. Then points in a step between two surfaces that only the
+        next line shows are flagged as `Flag.MIXED`, too.
+    """
     found = sorted(lines, key=lambda line: line.index)
 
     def joined(name: str, shape: tuple[int, ...], kind: type) -> NDArray[np.float64]:
         return np.concatenate([np.empty((0, *shape), dtype=kind), *(getattr(line, name) for line in found)], dtype=kind)
 
-    return Cloud(
+    cloud = Cloud(
         points_mm=joined("points_mm", (3,), np.float64),
         covariance_mm2=joined("covariance_mm2", (3, 3), np.float64),
         range_mm=joined("range_mm", (), np.float64),
@@ -86,3 +94,7 @@ def cloud_of(lines: Iterable[ScanLine]) -> Cloud:
         columns=joined("columns", (), np.int32).astype(np.int32),
         angles_rad=joined("angles_rad", (2,), np.float64),
     )
+    if not raster:
+        return cloud
+    stepped = in_step_of_raster(cloud.range_mm, cloud.range_variance_mm2, cloud.rows, cloud.columns)
+    return replace(cloud, flags=np.where(stepped, cloud.flags | np.uint16(Flag.MIXED), cloud.flags))

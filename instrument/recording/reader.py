@@ -211,14 +211,15 @@ class Reader:
         return found
 
     def cloud(self, *, skip_damaged: bool = False) -> Cloud:
-        """Return the points of all lines as arrays (without traces).
+        """Return the points of all lines as arrays (without traces), with what lines show of each other in the flags.
 
         Raises
         ------
         RecordingError
             At a damaged line, unless they are to be skipped.
         """
-        return cloud_of(self.lines(traces=False, skip_damaged=skip_damaged))
+        lines = self.lines(traces=False, skip_damaged=skip_damaged)
+        return cloud_of(lines, raster=self.raster.get("step_mm") is not None)
 
     def events(self) -> list[Event]:
         """Return what happened, in order."""
