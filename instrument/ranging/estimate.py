@@ -13,6 +13,7 @@ from picoradar.instrument.errors import BadInput
 from picoradar.instrument.line import NO_RANGE, Flag
 from picoradar.instrument.ranging.half_maximum import external_reference, half_maximum, join
 from picoradar.instrument.ranging.judging import flag_pulses
+from picoradar.instrument.ranging.overlap import moved_by_tail
 from picoradar.instrument.ranging.pair import Last, mark, to_ranges
 from picoradar.instrument.ranging.pulses import coarse_traces, next_pulse
 from picoradar.instrument.ranging.ranges import Ranges
@@ -193,7 +194,10 @@ def _block(records: _Records, way: _Way) -> Ranges:
     last: Last | None = None
     if method == "template" and shapes is None:  # no record has two clear pulses, so there is nothing to fit with
         mark(flags, Flag.NO_ECHO, (flags & np.uint16(Flag.NO_REFERENCE)) == 0)
-    elif shapes is not None:
+    elif shapes is None:
+        if external is None and calibration and calibration.templates is not None:
+            mark(flags, Flag.OVERLAPPED, moved_by_tail(start, stop, calibration.templates))
+    else:
         fitted = fit_pair(traces, times, coarse, FoundEdges(start, stop, further.found), shapes, sweeps, limits)
         pair, last = fitted.pair, fitted.last
         ranged = (flags & np.uint16(NO_RANGE)) == 0

@@ -14,6 +14,7 @@ from picoradar.instrument.errors import BadInput
 from picoradar.instrument.ranging.combining import NO_KNOWLEDGE, baselines_apart_mv2, combine, unreliable
 from picoradar.instrument.ranging.half_maximum import Edges, ExternalReference
 from picoradar.instrument.ranging.noticing import notice
+from picoradar.instrument.ranging.overlap import ROUNDS, overlapping, without_other
 from picoradar.instrument.ranging.pair import Last, PulsePair
 from picoradar.instrument.ranging.pulses import CoarseTraces
 from picoradar.instrument.ranging.resolving import resolve
@@ -96,31 +97,22 @@ def fit_pair(
     """
     step_ps = float(times_ps[1] - times_ps[0])
     start, stop, further = found
-    fits, firsts = [], []
-    for table, edge in zip(tables(shapes, step_ps, settings), (start, stop), strict=True):
-        if isinstance(edge, ExternalReference):
-            fits.append(_exact(edge))
-            firsts.append(np.zeros_like(edge.time_ps))
-            continue
-        pieces, first = _cut(traces_mv, times_ps, edge.time_ps, settings)
-        guess = np.nan_to_num(edge.time_ps - times_ps[first])
-        height = np.nan_to_num(edge.height_mv, nan=settings.start_height_mv)
-        fits.append(fit_pulses(pieces, table, guess, height, sweeps, settings))
-        firsts.append(times_ps[first])
-    (one,), (other,) = notice([fits[0]], [fits[1]], settings)
+    both = tables(shapes, step_ps, settings)
     lost = np.isnan(start.time_ps) | np.isnan(stop.time_ps)
+    fits, firsts, of_echo_mv = _fit_both(traces_mv, times_ps, found, both, sweeps, settings)
+    (one,), (other,) = notice([fits[0]], [fits[1]], settings)
     echoes = resolve(
         other,
-        traces_mv,
+        of_echo_mv,
         firsts[1] - times_ps[0],
-        tables(shapes, step_ps, settings)[1],
+        both[1],
         ~lost & (other.second | other.poor | further),
         settings,
     )
-    both = one.fit, unreliable(echoes.first, lost)
+    pulses = one.fit, unreliable(echoes.first, lost)
     before = coarse.baseline_mv, np.maximum(coarse.baseline_variance_mv2, MIN_VARIANCE_MV2)
-    apart = baselines_apart_mv2([both], settings)
-    pair = combine(*both, *firsts, before=before, apart_mv2=apart)
+    apart = baselines_apart_mv2([pulses], settings)
+    pair = combine(*pulses, *firsts, before=before, apart_mv2=apart)
     last = None
     if echoes.resolved.any():
         last_pair = combine(one.fit, echoes.last, *firsts, before=before, apart_mv2=apart)
@@ -129,6 +121,44 @@ def fit_pair(
     return PairFit(
         _without(pair, lost, np.isnan(start.time_ps)), second, (one.distorted | other.distorted) & ~second, last
     )
+
+
+class _Fits(NamedTuple):
+    """Fits of reference and echo, the instants (R,) that their delays count from, and the traces (R, S) in which the
+    echo is by itself."""
+
+    fits: list[PulseFit]
+    firsts: list[FloatArray]
+    of_echo_mv: FloatArray
+
+
+def _fit_both(
+    traces_mv: FloatArray,
+    times_ps: FloatArray,
+    found: FoundEdges,
+    both: tuple[ShapeTable, ShapeTable],
+    sweeps: FloatArray,
+    settings: RangingSettings,
+) -> _Fits:
+    """Fit both pulses, again without each other where they overlap."""
+    edges = found.start, found.stop
+    parts = [_cut(traces_mv, times_ps, edge.time_ps, settings) for edge in edges]
+    pieces, firsts = [piece for piece, _ in parts], [times_ps[first] for _, first in parts]
+
+    def fitted(k: int, piece: FloatArray) -> PulseFit:
+        guess = np.nan_to_num(edges[k].time_ps - firsts[k])
+        height = np.nan_to_num(edges[k].height_mv, nan=settings.start_height_mv)
+        return fit_pulses(piece, both[k], guess, height, sweeps, settings)
+
+    if isinstance(found.start, ExternalReference):
+        return _Fits([_exact(found.start), fitted(1, pieces[1])], [np.zeros_like(firsts[0]), firsts[1]], traces_mv)
+    fits = [fitted(0, pieces[0]), fitted(1, pieces[1])]
+    near = overlapping(found.start.time_ps, found.stop.time_ps, settings)
+    rounds = ROUNDS if near.any() else 0
+    for _ in range(rounds):
+        fits[1] = fitted(1, without_other(pieces[1], firsts[1] - firsts[0], fits[0], both[0], near))
+        fits[0] = fitted(0, without_other(pieces[0], firsts[0] - firsts[1], fits[1], both[1], near))
+    return _Fits(fits, firsts, without_other(traces_mv, times_ps[0] - firsts[0], fits[0], both[0], near))
 
 
 def _exact(edge: Edges) -> PulseFit:

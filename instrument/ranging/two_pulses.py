@@ -15,6 +15,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 LEAST_SHARE = 1e-12  # of the greatest information that each unknown has: rounding makes 1e-16 of it
+SETTLED_PS = 0.05  # a step that moves a range by less than a hundredth of a millimetre is not worth another one
 UNKNOWNS = 5  # delay and amplitude of the first, of the last, baseline
 
 
@@ -90,7 +91,7 @@ def fit_two_pulses(
         values = values + np.clip(step, -move, move)
         values[:, [1, 3]] = np.clip(values[:, [1, 3]], settings.min_response_mv / 4, None)
         values[:, [0, 2]] = np.clip(values[:, [0, 2]], -samples * table.step_ps, 2 * samples * table.step_ps)
-        if np.abs(step[:, [0, 2]]).max() < settings.settled_ps:
+        if np.abs(step[:, [0, 2]]).max() < SETTLED_PS:
             break
     if best is None:
         raise AssertionError("no step was taken")

@@ -16,10 +16,12 @@ from picoradar.instrument.errors import BadInput
 from picoradar.instrument.line import Flag
 from picoradar.instrument.ranging.combining import baselines_apart_mv2, combine, unreliable
 from picoradar.instrument.ranging.noticing import Noticed, notice
+from picoradar.instrument.ranging.overlap import without_other
 from picoradar.instrument.ranging.pair import Last, PulsePair, mark, mark_misplaced, share_reference, to_ranges
 from picoradar.instrument.ranging.ranges import Ranges
 from picoradar.instrument.ranging.resolving import resolve
 from picoradar.instrument.ranging.settings import RangingSettings
+from picoradar.instrument.ranging.shape_table import ShapeTable
 from picoradar.instrument.ranging.template import shapes_of, tables
 from picoradar.instrument.ranging.windows.fit import PointWindows
 from picoradar.instrument.ranging.windows.pulse import FoundPulse, find_pulse
@@ -145,7 +147,10 @@ def _pairs(
         groups += [(reference.part(block), echo.part(block)) for block in blocks]
     shapes = shapes_of(calibration)
     firsts = [find_pulse(reference, tables(shapes, reference.step_ps, limits)[0], limits) for reference, _ in groups]
-    seconds = [find_pulse(echo, tables(shapes, echo.step_ps, limits)[1], limits) for _, echo in groups]
+    seconds = []
+    for (_, echo), first in zip(groups, firsts, strict=True):
+        of_reference, of_echo = tables(shapes, echo.step_ps, limits)
+        seconds.append(find_pulse(_without_tail(echo, first, of_reference, limits), of_echo, limits))
     noticed = notice([found.fit for found in firsts], [found.fit for found in seconds], limits)
     echoes = [
         resolve(
@@ -179,6 +184,15 @@ def _pairs(
     together = np.concatenate(flags)
     mark(together, Flag.CLIPPED, seen_clipped)
     return _Fitted(PulsePair.joined(pairs), last, together)
+
+
+def _without_tail(
+    echo: WindowTraces, reference: FoundPulse, of_reference: ShapeTable, limits: RangingSettings
+) -> WindowTraces:
+    """Return windows over the echo without the tail of the reference, where it reaches into them."""
+    after_ps = echo.first_ps - reference.first_ps
+    near = ~reference.missing & (after_ps - reference.fit.delay_ps < limits.table_reach_ps)
+    return replace(echo, values_mv=without_other(echo.values_mv, after_ps, reference.fit, of_reference, near))
 
 
 class _Fitted(NamedTuple):
