@@ -14,7 +14,7 @@ from picoradar.registration.model import cache
 from picoradar.registration.model.curvature import principal_curvatures
 from picoradar.registration.model.mesh import MeshReport, validated
 from picoradar.registration.model.surface import Closest, Surface
-from picoradar.registration.model.views import Place, View, find_views, start_view, view_at
+from picoradar.registration.model.views import Place, View, find_views, start_view, view_at, whole_view
 from picoradar.registration.settings import PreparationSettings
 
 
@@ -90,6 +90,12 @@ class Model:
     def closest(self, points: FloatArray) -> Closest:
         """Exact closest points of `points` (N, 3) mm in the model frame."""
         return self.surface.closest(points)
+
+    @cached_property
+    def whole(self) -> View:
+        """The whole model, seen from any side; its fields are made when first asked for and then kept, on disk too."""
+        view = whole_view(self.surface, self.settings.view, fine=True)
+        return _kept(replace(view, smooth=any(one.is_socket for one in self.views)), self.key, "whole")
 
     def view_of(self, place: Place) -> View:
         """View of any place, made when first asked for and then kept, on disk too.

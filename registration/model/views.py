@@ -43,6 +43,8 @@ class View:
         Makes the fields, or fetches them, when they are first read.
     whole : bool
         The view is the whole model, seen from any side; then `axis` means nothing.
+    smooth : bool
+        Of a body with hollows, a bone: no sharp edges hold a pose on it.
     """
 
     centre: FloatArray
@@ -50,6 +52,7 @@ class View:
     axis: FloatArray
     make: Callable[[], Fields]
     whole: bool = False
+    smooth: bool = False
 
     @cached_property
     def fields(self) -> Fields:
@@ -73,6 +76,11 @@ class View:
         return float(inside.all(axis=1).mean())
 
     @property
+    def edges(self) -> bool:
+        """Whether sharp edges, which the fields round, may hold a pose."""
+        return not (self.is_socket or self.smooth)
+
+    @property
     def is_socket(self) -> bool:
         """Whether the view is a socket, with a sphere to anchor a search."""
         return bool(np.isfinite(self.radius_mm))
@@ -81,7 +89,7 @@ class View:
 def find_views(surface: Surface, settings: PreparationSettings) -> tuple[View, ...]:
     """Find the sockets of a surface, likeliest first; without any, there is one view of the whole model."""
     sockets = find_sockets(surface, settings.hollow)
-    whole = _whole_view(surface, settings.view)
+    whole = whole_view(surface, settings.view)
     return tuple(_socket_view(surface, socket, settings) for socket in sockets) or (whole,)
 
 
@@ -90,24 +98,27 @@ def view_at(
 ) -> View:
     """A view that :func:`find_views` found earlier on the same surface."""
     if whole:
-        return _whole_view(surface, settings)
+        return whole_view(surface, settings)
     make = partial(_shell_fields, surface, centre, axis, radius_mm + settings.reach_mm, settings)
     return View(centre, radius_mm, axis, make)
 
 
-def _whole_view(surface: Surface, settings: ViewSettings) -> View:
-    """The whole model, seen from any side, with a step that suits its size."""
+def whole_view(surface: Surface, settings: ViewSettings, *, fine: bool = False) -> View:
+    """The whole model, seen from any side, with a step that suits its size; a shorter one where it is to be `fine`."""
     low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
     centre = (low + high) / 2.0
-    make = partial(_whole_fields, surface, centre, settings)
+    make = partial(_whole_fields, surface, centre, settings, fine=fine)
     return View(centre, float("inf"), np.array([0.0, 0.0, 1.0]), make, whole=True)
 
 
-def _whole_fields(surface: Surface, centre: FloatArray, settings: ViewSettings) -> Fields:
+def _whole_fields(surface: Surface, centre: FloatArray, settings: ViewSettings, *, fine: bool) -> Fields:
     moved = Surface(surface.vertices - centre, surface.faces, surface.border)
     low, high = moved.vertices.min(axis=0), moved.vertices.max(axis=0)
-    step = max(settings.field_step_mm, float((high - low).max()) / settings.whole_steps)
     margin = settings.margin_mm
+    step = float((high - low).max()) / settings.whole_steps
+    if fine:
+        step = float(np.cbrt(np.prod(high - low + 2.0 * margin) / settings.whole_nodes))
+    step = max(settings.field_step_mm, step)
     return build_fields(moved, low - margin, high + margin, step_mm=step, band_mm=settings.field_band_mm)
 
 

@@ -29,7 +29,7 @@ def drawn_in(search: Search, candidates: list[Candidate], regions: FloatArray, *
     symmetric : bool
         Of a whole body, draw in the quarter turns of the best as well, and poses that bring corners together.
     """
-    if candidates[0].view.is_socket:
+    if not candidates[0].view.edges:
         return candidates
     settings, thin, surface = search.settings, search.descent.thin, search.model.surface
     noise = NoiseModel.of(search.sigma_mm, settings.noise)

@@ -87,7 +87,7 @@ class _Fits:
     @classmethod
     def of(cls, search: Search, candidates: list[Candidate], regions: FloatArray, *, noise_known: bool) -> _Fits:
         """Fits of these candidates."""
-        return cls(search, regions, noise_known, edges=not candidates[0].view.is_socket)
+        return cls(search, regions, noise_known, edges=candidates[0].view.edges)
 
     def solved(self, candidates: list[Candidate], *, confident: bool, also: Sequence[FloatArray] = ()) -> Solution:
         """Fit the likeliest candidates, and poses (4, 4) `also`, and take the best."""
@@ -180,15 +180,20 @@ def worth_a_fit(
 ) -> tuple[list[Candidate], list[Candidate]]:
     """Candidates that are fitted, the likeliest first, and the others.
 
-    Those nearly as likely as the best on the fields of the search; and the one that most starts ended at, for fields
-    can flatter a wrong pose by more than that.
+    Those nearly as likely as the best on the fields of the search; and the one that most starts ended at, and the best
+    of each other hollow, for fields can flatter a wrong pose by more than that.
     """
     max_fits, within_nats = settings.schedule.max_fits, settings.schedule.fit_within_nats
-    if not candidates[0].view.is_socket:
+    if candidates[0].view.edges:
         max_fits, within_nats = settings.edges.max_fits, np.inf
     lowest = candidates[0].log_likelihood - within_nats / points
     most_met = max(candidates, key=lambda c: c.hits)
-    chosen = [c for k, c in enumerate(candidates) if (k < max_fits and c.log_likelihood >= lowest) or c is most_met]
+    of_hollows = list({id(c.view): c for c in reversed(candidates)}.values())
+    chosen = [
+        c
+        for k, c in enumerate(candidates)
+        if (k < max_fits and c.log_likelihood >= lowest) or c is most_met or any(c is one for one in of_hollows)
+    ]
     return chosen, [c for c in candidates if not any(c is other for other in chosen)]
 
 

@@ -14,6 +14,7 @@ from picoradar.registration.se3 import inverse, small_motion, transform
 from picoradar.registration.search.cone import ANYWHERE, Cone
 from picoradar.registration.search.descent import Descent
 from picoradar.registration.search.minima import Candidate, merged
+from picoradar.registration.search.patches import patches
 from picoradar.registration.search.rotations import rotations_near
 from picoradar.registration.search.starts import Starts, shifts_to
 from picoradar.registration.search.successive_halving import shuffled, stratified_order
@@ -48,10 +49,9 @@ class Search:
         Raises
         ------
         StartError
-            If the sphere of the model's socket fits nowhere, or no pose of the cone explains the points.
+            If no pose of the cone explains the points.
         """
         search = self.settings.search
-        self.starts.refuse_hopeless()
         min_rounds = search.whole_min_rounds if any(view.whole for view in self.model.views) else 1
         found: list[Candidate] = []
         for number in range(search.max_rounds):
@@ -65,6 +65,12 @@ class Search:
             # 3. Other starts, points and spheres in a further round, until the best is clear or has won again.
             if number + 1 >= min_rounds and (self._clear(found) or (number > 0 and self.confident(found))):
                 break
+        # 4. Where no hollow explains the points, they may have been taken elsewhere on the body.
+        if self._poor(found):
+            for number in range(search.whole_min_rounds):
+                found = self.joined(found, self._anywhere_on_body(number))
+                if found and not self._poor(found):
+                    break
         if not found:
             raise StartError("no pose within the cone of directions explains the points: widen it, or search anywhere")
         return found
@@ -99,6 +105,16 @@ class Search:
         """Whether the best minimum was met often enough, or stands out so clearly, that no better one was missed."""
         return found[0].hits >= self.settings.search.confident_hits or self._clear(found)
 
+    def _poor(self, found: list[Candidate]) -> bool:
+        """Whether the best minimum explains so few of the points, and so little better than the next, that the truth
+        may lie elsewhere."""
+        search = self.settings.search
+        if not found:
+            return True
+        next_best = found[1].log_likelihood if found[1:] else -np.inf
+        margin_nats = (found[0].log_likelihood - next_best) * len(self.descent.thin)
+        return found[0].log_likelihood < search.poor_log_likelihood and margin_nats < search.poor_nats
+
     def _clear(self, found: list[Candidate]) -> bool:
         """Whether the best minimum explains all points much better than the next."""
         if len(found) < 2:
@@ -113,14 +129,19 @@ class Search:
         return merged(found, inside, self.middle, search, bonus=bonus)
 
     def _all_views(self, found: list[Candidate], number: int) -> list[Candidate]:
-        """The minima found, with those of a further round; the first one ends with the first hollow that is clear."""
+        """The minima found, with those of a further round.
+
+        The first round leaves out the hollows whose spheres fit the cloud worse than that of one with a clear minimum.
+        Hollows that fit as well are raced: the other hip, or the same bone again, has to be seen to be ruled out.
+        """
         anchors = self.starts.centres if number == 0 else self.starts.more_centres
-        for index in self.starts.likely_first():
+        order = self.starts.likely_first()
+        for place, index in enumerate(order):
+            if place and number == 0 and found and self._clear(found) and not self.starts.alike(order[0], index):
+                break
             if anchors[index]:
                 more = self._round(self.model.views[index], anchors[index], number)
                 found = self.joined(found, more, bonus=self.settings.search.confident_hits)
-            if number == 0 and found and self._clear(found):
-                break
         return found
 
     def _round(self, view: View, centres: list[FloatArray], number: int) -> list[Candidate]:
@@ -135,6 +156,15 @@ class Search:
             shifts, stages = shifts_to(rotations, np.array(centres)), self._stages(number)
         order = self._order(view, centres[0], number, stratified=not view.whole)
         return self.descent.from_starts(view, centres[0], order, rotations, shifts, stages)
+
+    def _anywhere_on_body(self, number: int) -> list[Candidate]:
+        """Candidates of one round on the whole model, from starts all over its surface."""
+        search, view = self.settings.search, self.model.whole
+        middle, rotations, places = patches(self.scan, self.model.surface, number, search)
+        facing = [self.starts.cone.holds(turn @ self.starts.towards, search.cone_margin_deg) for turn in rotations]
+        order = shuffled(len(self.scan), number)
+        shifts = (places - view.centre)[facing]
+        return self.descent.from_starts(view, middle, order, rotations[facing], shifts, search.patch_stages)
 
     def _near_best(self, found: list[Candidate], number: int) -> list[Candidate]:
         """Minima about the best one: a narrow look where it is clear, a wide one where others are nearly as good."""

@@ -7,7 +7,6 @@ from functools import cached_property
 import numpy as np
 
 from picoradar.registration._types import FloatArray
-from picoradar.registration.errors import StartError
 from picoradar.registration.model import Model, Place, View, sphere_centres, sphere_support
 from picoradar.registration.scan import Scan
 from picoradar.registration.se3 import transform
@@ -64,28 +63,23 @@ class Starts:
             for view, centres in zip(self.model.views, self.centres, strict=True)
         ]
 
-    def refuse_hopeless(self) -> None:
-        """Refuse a search from anywhere that has nowhere to begin.
-
-        Raises
-        ------
-        StartError
-            If the sphere of the model's socket fits nowhere, or no hollow opens to the cone.
-        """
-        if not any(self.centres):
-            raise StartError("no sphere of the model's socket fits the points: give landmarks or a pose to start from")
-        if not any(len(self.rotations(view, 0)) for view in self.model.views):
-            raise StartError("no hollow of the model opens to the cone of directions: widen it, or give a pose")
-
-    def likely_first(self) -> list[int]:
-        """Numbers of the views by how much of the cloud lies on their spheres: a wrong hollow need not be searched."""
-        support = [
+    @cached_property
+    def support(self) -> list[float]:
+        """Share of the cloud that lies on each view's sphere; 0 of a view without one."""
+        return [
             sphere_support(self.scan.points, centres[0], view.radius_mm, self.settings.sphere)
             if centres and view.is_socket
             else 0.0
             for view, centres in zip(self.model.views, self.centres, strict=True)
         ]
-        return [int(k) for k in np.argsort(-np.array(support), kind="stable")]
+
+    def likely_first(self) -> list[int]:
+        """Numbers of the views by how much of the cloud lies on their spheres."""
+        return [int(k) for k in np.argsort(-np.array(self.support), kind="stable")]
+
+    def alike(self, one: int, other: int) -> bool:
+        """Whether the spheres of two views hold so nearly as much of the cloud that either may be what was scanned."""
+        return self.support[other] > self.settings.search.alike_support * self.support[one]
 
     def rotations(self, view: View, number: int) -> FloatArray:
         """Rotations (K, 3, 3) of a round: those that show the view, and that the scanner may look from."""

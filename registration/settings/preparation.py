@@ -136,6 +136,9 @@ class ViewSettings:
     whole_steps: int = 90
     """Steps along the longest edge of a whole model's field, where that makes them longer than `field_step_mm`."""
 
+    whole_nodes: int = 1_500_000
+    """Nodes of the fine field of a whole model, made where no hollow explains the points: 1.5 mm on a femur."""
+
     opening_rays: int = 400
     """Directions that a socket's opening is sought along."""
 

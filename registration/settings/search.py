@@ -85,6 +85,15 @@ NEAR_STAGES = (
 """Stages of a search about a minimum."""
 
 
+PATCH_STAGES = (
+    Stage(100, False, 7200, 7200, math.inf, (4.0, 3.0)),
+    Stage(160, False, 512, 512, math.inf, (2.0, 1.4, 1.0)),
+    Stage(200, True, 96, 192, 0.8, (1.0, 0.8, 0.7)),
+    *PATIENT_STAGES[2:],
+)
+"""Stages of a search all over a body: starts are 10 mm and 15 deg off, so the first steps reach farther."""
+
+
 @dataclass(frozen=True)
 class SearchSettings:
     """The global search: how many starts, for how long, and when a minimum is believed."""
@@ -141,8 +150,36 @@ class SearchSettings:
     other_radius_centres: int = 2
     """Centres tried of each of these."""
 
+    alike_support: float = 0.85
+    """Hollows are searched beside each other when their spheres hold more than this share of what the best one's holds:
+    two hips differ by a few percent, a hollow of another radius holds less than half."""
+
     clear_nats: float = 40.0
     """A minimum is clear when its total log likelihood exceeds the next one's by so much."""
+
+    poor_log_likelihood: float = -1.8
+    """Mean log likelihood a point below which a minimum explains little: under 65 % of tissue it is as low."""
+
+    poor_nats: float = 150.0
+    """A minimum that explains little and lacks this margin may be of another place: under 70 % of tissue right ones
+    exceed the next by 450 and more, wrong ones by 70 at most."""
+
+    patch_places: int = 600
+    """Places all over the body that the cloud's middle is laid on in one round."""
+
+    patch_rolls: int = 12
+    """Turns about the normal at each: 30 deg apart."""
+
+    patch_mm: float = 8.0
+    """Radius about the cloud's middle that tells its normal."""
+
+    middle_share: float = 0.1
+    """Share of the points, those nearest the cloud's mean, that are its middle."""
+
+    middles: int = 20
+    """Places in the middle whose flattest one is laid on the body: there the normal is best known."""
+
+    patch_stages: tuple[Stage, ...] = PATCH_STAGES
 
     confident_hits: int = 3
     """A minimum that so many survivors of one round reach, or that wins two rounds, is trusted; so is a clear one."""

@@ -15,7 +15,7 @@ from picoradar import registration
 from picoradar.registration import PreparationSettings, RobustSettings
 from picoradar.registration import settings as room
 
-NO_SENTENCE = {"stages", "patient_stages", "near_stages"}
+NO_SENTENCE = {"stages", "patient_stages", "near_stages", "patch_stages"}
 """Their values have it."""
 
 
