@@ -26,6 +26,7 @@ COLUMNS = {
     "line": ("k", "device_time_s", "acknowledged_at_s", "n", "sweeps", "crc32", "points"),
     "wave": ("k", "rows", "samples", "bytes_per_sum", "crc32", "data"),
     "window": ("k", "n", "samples", "bytes_per_sum", "crc32", "pieces", "data"),
+    "echo": ("k", "n", "data"),
     "event": ("id", "t", "kind", "state", "data"),
 }
 SCHEMA = (
@@ -70,6 +71,11 @@ def _small(path: Path) -> None:
                     traces=Trace(sums, 8, times_ps, CodeScale(40.0, 0.5)),
                     sweeps=8,
                     device_time_s=0.5 + k,
+                    last_points_mm=np.array([[np.nan] * 3, [930.0] * 3]),
+                    last_range_mm=np.array([np.nan, 930.0]),
+                    last_range_variance_mm2=np.array([np.nan, 0.1]),
+                    last_response_mv=np.array([np.nan, 15.0]),
+                    range_covariance_mm2=np.array([np.nan, -0.01]),
                 )
             )
             recording.event(0.5 + k, "note", state="scanning", words="all well")
@@ -150,11 +156,11 @@ def _change_packed(rng: random.Random, database: sqlite3.Connection) -> None:
 
 
 def _renew_check_sums(database: sqlite3.Connection) -> None:
-    for k, begun, n, sweeps, points in database.execute(
-        "SELECT k, device_time_s, n, sweeps, points FROM line"
+    for k, begun, n, sweeps, points, echoes in database.execute(
+        "SELECT line.k, device_time_s, line.n, sweeps, points, coalesce(data, x'') FROM line LEFT JOIN echo USING (k)"
     ).fetchall():
         with contextlib.suppress(Exception):
-            database.execute("UPDATE line SET crc32=? WHERE k=?", (line_crc32(k, n, sweeps, begun, points), k))
+            database.execute("UPDATE line SET crc32=? WHERE k=?", (line_crc32(k, n, sweeps, begun, points, echoes), k))
     for k, rows, samples, width, data in database.execute(
         "SELECT k, rows, samples, bytes_per_sum, data FROM wave"
     ).fetchall():

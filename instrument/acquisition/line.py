@@ -44,6 +44,11 @@ def to_scan_line(plan: LinePlan, captured: Captured, calibration: Calibration, b
         sweeps=captured.sweeps,
         device_time_s=began_s,
         windows=captured.windows,
+        last_points_mm=placed.last_points_mm,
+        last_range_mm=ranges.last_range_mm,
+        last_range_variance_mm2=ranges.last_variance_mm2,
+        last_response_mv=ranges.last_response_mv,
+        range_covariance_mm2=ranges.covariance_mm2,
     )
 
 
@@ -58,14 +63,20 @@ def reprocessed(line: ScanLine, ranges: Ranges, calibration: Calibration) -> Sca
         range_variance_mm2=ranges.variance_mm2,
         response_mv=ranges.response_mv,
         flags=ranges.flags,
+        last_points_mm=placed.last_points_mm,
+        last_range_mm=ranges.last_range_mm,
+        last_range_variance_mm2=ranges.last_variance_mm2,
+        last_response_mv=ranges.last_response_mv,
+        range_covariance_mm2=ranges.covariance_mm2,
     )
 
 
 class _InSpace(NamedTuple):
-    """Points (N, 3) mm in the scanner frame, and their covariances (N, 3, 3) mm^2."""
+    """Points (N, 3) mm in the scanner frame, their covariances (N, 3, 3) mm^2, and the points of the last echoes."""
 
     points_mm: NDArray[np.float64]
     covariance_mm2: NDArray[np.float64]
+    last_points_mm: NDArray[np.float64]
 
 
 def _in_space(angles_rad: NDArray[np.float64], ranges: Ranges, calibration: Calibration) -> _InSpace:
@@ -74,4 +85,5 @@ def _in_space(angles_rad: NDArray[np.float64], ranges: Ranges, calibration: Cali
     return _InSpace(
         points_from(true_rad, ranges.range_mm, separation_mm),
         covariance_from(true_rad, ranges.range_mm, ranges.variance_mm2, calibration.pointing_sd_rad, separation_mm),
+        points_from(true_rad, ranges.last_range_mm, separation_mm),
     )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from picoradar.drivers.traces import Trace
+from picoradar.instrument.line.last_echo import LastEcho
 from picoradar.instrument.line.windows import LineWindows
 
 
@@ -47,8 +48,11 @@ SUSPECT = (
 
 
 @dataclass(frozen=True)
-class ScanLine:
+class ScanLine(LastEcho):
     """One line of the raster, complete: every point of the plan has an entry, also those without an echo.
+
+    Of two echoes at one place that are told apart, points and ranges are of the first; the last one has the arrays of
+    `LastEcho`.
 
     Attributes
     ----------
@@ -89,6 +93,10 @@ class ScanLine:
     sweeps: int
     device_time_s: float
     windows: LineWindows | None = None
+
+    def __post_init__(self) -> None:
+        """Say that no place has a last echo where none was given."""
+        self._one_echo_where_not_given(len(self.flags))
 
     @property
     def has_range(self) -> NDArray[np.bool_]:

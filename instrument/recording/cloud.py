@@ -10,12 +10,14 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.line import NO_RANGE, Flag, ScanLine, beams_to, in_step_of_raster
+from picoradar.instrument.line import LAST_ECHO, NO_RANGE, Flag, LastEcho, ScanLine, beams_to, in_step_of_raster
 
 
 @dataclass(frozen=True)
-class Cloud:
+class Cloud(LastEcho):
     """All points of a scan, line after line; also those without a range, until `with_range`.
+
+    The last of two echoes has the arrays of `LastEcho`.
 
     Attributes
     ----------
@@ -40,6 +42,10 @@ class Cloud:
     rows: NDArray[np.int32]
     columns: NDArray[np.int32]
     angles_rad: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        """Say that no place has a last echo where none was given."""
+        self._one_echo_where_not_given(len(self.flags))
 
     def __len__(self) -> int:
         return len(self.flags)
@@ -93,6 +99,7 @@ def cloud_of(lines: Iterable[ScanLine], *, raster: bool = False) -> Cloud:
         rows=np.repeat([line.index for line in found], [len(line.columns) for line in found]).astype(np.int32),
         columns=joined("columns", (), np.int32).astype(np.int32),
         angles_rad=joined("angles_rad", (2,), np.float64),
+        **{name: joined(name, shape, np.float64) for name, shape in LAST_ECHO.items()},
     )
     if not raster:
         return cloud

@@ -43,7 +43,6 @@ class Reader:
             refuse_foreign_content(path, connection)
             self.header = self._read_header()
             self._layout = rows.checked_layout(path, self._value("PRAGMA user_version"))
-            self._raw = rows.SELECT_RAW[self._layout]
             trace = self.header.get("trace")
             self._form = None if trace is None else TraceForm.of(trace)
         except RecordingError:
@@ -151,13 +150,12 @@ class Reader:
         """
         try:
             with self._lock:
-                found = self._connection.execute(rows.SELECT_LINE, (index,)).fetchone()
-                raw = [self._connection.execute(query, (index,)).fetchone() if traces else None for query in self._raw]
+                found = rows.fetch(self._connection, self._layout, index, raw=traces)
             if found is None:
                 raise RecordingError(self.path, "the line is not in the recording", line=index)
             if not 0 <= index < self.raster["rows"]:
                 raise RecordingError(self.path, f"the raster has the lines 0 to {self.raster['rows'] - 1}", line=index)
-            return rows.unpack(rows.Rows(found, *raw), self._form)
+            return rows.unpack(found, self._form)
         except READING_ERRORS as error:
             raise from_sqlite(self.path, error, line=index) from error
         except DECODER_ERRORS as error:

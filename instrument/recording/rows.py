@@ -1,7 +1,8 @@
-"""Between a `ScanLine` and its rows in the tables ``line``, ``wave`` and ``window``."""
+"""Between a `ScanLine` and its rows in the tables ``line``, ``echo``, ``wave`` and ``window``."""
 
 from __future__ import annotations
 
+import sqlite3
 from dataclasses import astuple
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,6 +11,7 @@ import numpy as np
 
 from picoradar.drivers.traces import Trace
 from picoradar.instrument.line import ScanLine
+from picoradar.instrument.recording import echo_layout
 from picoradar.instrument.recording.errors import RecordingError
 from picoradar.instrument.recording.header import TraceForm
 from picoradar.instrument.recording.layout import (
@@ -28,10 +30,12 @@ INSERT_LINE = (
 )
 INSERT_WAVE = "INSERT INTO wave (k, rows, samples, bytes_per_sum, crc32, data) VALUES (?, ?, ?, ?, ?, ?)"
 INSERT_WINDOW = "INSERT INTO window (k, n, samples, bytes_per_sum, crc32, pieces, data) VALUES (?, ?, ?, ?, ?, ?, ?)"
-SELECT_LINE = "SELECT k, device_time_s, n, sweeps, crc32, points FROM line WHERE k = ?"
+INSERT_ECHO = "INSERT INTO echo (k, n, data) VALUES (?, ?, ?)"
+_SELECT_LINE = "SELECT k, device_time_s, n, sweeps, crc32, points FROM line WHERE k = ?"
 _SELECT_WAVE = "SELECT rows, samples, bytes_per_sum, crc32, data FROM wave WHERE k = ?"
 _SELECT_WINDOW = "SELECT n, samples, bytes_per_sum, crc32, pieces, data FROM window WHERE k = ?"
-SELECT_RAW = {1: (_SELECT_WAVE,), 2: (_SELECT_WAVE, _SELECT_WINDOW), 3: (_SELECT_WAVE, _SELECT_WINDOW)}
+_SELECT_ECHO = "SELECT n, data FROM echo WHERE k = ?"
+_SELECT_RAW = {1: (_SELECT_WAVE,), **dict.fromkeys((2, 3, 4), (_SELECT_WAVE, _SELECT_WINDOW))}
 """Queries for the raw samples of a line, by the layout of the file."""
 
 
@@ -43,30 +47,54 @@ def checked_layout(path: Path, layout: int) -> int:
     RecordingError
         If there never was one of that number.
     """
-    if layout not in SELECT_RAW:
+    if layout not in _SELECT_RAW:
         raise RecordingError(path, f"has layout {layout}, which was never written", "restore it from a copy")
     return layout
+
+
+Row = tuple[Any, ...]  # values as SQLite has them
 
 
 class Rows(NamedTuple):
     """The rows of a line in each table; None where it has nothing."""
 
-    line: tuple[Any, ...]
-    wave: tuple[Any, ...] | None
-    window: tuple[Any, ...] | None = None
+    line: Row
+    wave: Row | None
+    window: Row | None
+    echo: Row | None
+
+
+def fetch(connection: sqlite3.Connection, layout: int, index: int, *, raw: bool) -> Rows | None:
+    """Read the rows of a line out of a file of a layout, None where it has no such line.
+
+    Raises
+    ------
+    sqlite3.Error
+    """
+
+    def one(query: str) -> Row | None:
+        found: Row | None = connection.execute(query, (index,)).fetchone()
+        return found
+
+    line = one(_SELECT_LINE)
+    if line is None:
+        return None
+    wave, window, *_ = (*(one(query) if raw else None for query in _SELECT_RAW[layout]), None)
+    return Rows(line, wave, window, one(_SELECT_ECHO) if layout >= echo_layout.FIRST_LAYOUT else None)
 
 
 def pack(line: ScanLine, acknowledged_at_s: float) -> Rows:
-    """Return the row of ``line`` and, if raw samples are kept, of ``wave`` or ``window``.
+    """Return the row of ``line``, if there are last echoes of ``echo``, and if raw samples are kept of ``wave`` or
+    ``window``.
 
     Raises
     ------
     ValueError
         If the arrays of the line do not fit each other.
     """
-    blob = points_blob(line)
+    blob, echoes = points_blob(line), echo_layout.echoes_blob(line)
     count, begun = len(line.columns), float(line.device_time_s)
-    crc = line_crc32(line.index, count, line.sweeps, begun, blob)
+    crc = line_crc32(line.index, count, line.sweeps, begun, blob, echoes)
     row = (line.index, begun, float(acknowledged_at_s), count, line.sweeps, crc, blob)
     wave_row = window_row = None
     if line.sums is not None:
@@ -75,7 +103,8 @@ def pack(line: ScanLine, acknowledged_at_s: float) -> Rows:
         wave_row = (line.index, *astuple(encode_wave(line.index, line.sums)))
     if line.windows is not None:
         window_row = (line.index, *astuple(encode_windows(line.index, line.windows)))
-    return Rows(row, wave_row, window_row)
+    echo_row = (line.index, len(echoes) // echo_layout.ECHO.itemsize, echoes) if echoes else None
+    return Rows(row, wave_row, window_row, echo_row)
 
 
 def unpack(rows: Rows, form: TraceForm | None) -> ScanLine:
@@ -93,7 +122,8 @@ def unpack(rows: Rows, form: TraceForm | None) -> ScanLine:
         If a check sum or a length does not fit, or there are raw samples without a form.
     """
     index, begun, count, sweeps, crc, blob = rows.line
-    if line_crc32(index, count, sweeps, begun, blob) != crc:
+    entries, echoes = (0, b"") if rows.echo is None else rows.echo
+    if line_crc32(index, count, sweeps, begun, blob, echoes) != crc:
         raise ValueError("the check sum of the points does not fit")
     if len(blob) != count * POINT.itemsize:
         raise ValueError(f"{len(blob)} bytes for {count} points of {POINT.itemsize} bytes")
@@ -122,6 +152,7 @@ def unpack(rows: Rows, form: TraceForm | None) -> ScanLine:
         sweeps=sweeps,
         device_time_s=begun,
         windows=windows,
+        **echo_layout.echoes_of(echoes, entries, count),
     )
 
 

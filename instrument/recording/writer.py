@@ -69,6 +69,8 @@ class Writer(Reader):
                 self._connection.execute(rows.INSERT_WAVE, packed.wave)
             if packed.window is not None:
                 self._connection.execute(rows.INSERT_WINDOW, packed.window)
+            if packed.echo is not None:
+                self._connection.execute(rows.INSERT_ECHO, packed.echo)
         with self._lock:
             try:
                 checkpoint_if_long(self._connection, self.path)

@@ -70,4 +70,9 @@ class Measured:
             range_variance_mm2=found.variance_mm2,
             response_mv=found.response_mv,
             flags=found.flags,
+            last_points_mm=points_from(angles, found.last_range_mm, calibration.mirror_separation_mm),
+            last_range_mm=found.last_range_mm,
+            last_range_variance_mm2=found.last_variance_mm2,
+            last_response_mv=found.last_response_mv,
+            range_covariance_mm2=found.covariance_mm2,
         )
