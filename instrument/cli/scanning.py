@@ -160,6 +160,7 @@ def describe_scan(run: Session, job: Acquisition, cloud: Cloud, outcome: ScanOut
         "device_time_s": round(outcome.device_time_s, 6),
         "shot_limited_s": job.shots / run.settings.pulser.prf_hz,
         "flags": {f.words: n for f in Flag if f and (n := int(np.count_nonzero(cloud.flags & np.uint16(f))))},
+        "two_echoes": int(cloud.with_range().two_echoes.sum()),
         "laser_off_verified": outcome.safe.laser_off_verified,
         "safe_state": outcome.safe.steps,
         "suspended": outcome.suspended,

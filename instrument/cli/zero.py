@@ -11,13 +11,19 @@ from picoradar.instrument.acquisition import PLATE, MarkPlan, RasterPlan, Setup,
 from picoradar.instrument.calibration import Calibration, ZeroCheck
 from picoradar.instrument.cli import output
 from picoradar.instrument.events import JsonObject
+from picoradar.instrument.files.points import PointFile, is_recording
 from picoradar.instrument.recording import Recording
 from picoradar.instrument.settings import Settings
 
 if TYPE_CHECKING:
     from picoradar.registration import Objection
 
-__all__ = ["PLATE", "check_of", "described", "mark_for", "objections", "plate_now"]
+__all__ = ["PLATE", "check_of", "check_of_points", "described", "mark_for", "objections", "plate_now"]
+
+NOT_SAID = (
+    "Whether the range zero of these points was checked, {file} does not say. An error of it leaves no trace in the "
+    "residuals. Export the recording with picoradar export, or register the recording itself."
+)
 
 
 def mark_for(setup: Setup) -> MarkPlan | None:
@@ -50,6 +56,18 @@ def check_of(path: Path) -> ZeroCheck:
     """Judge the check of a recording."""
     with Recording.open(path) as recording:
         return zero_check_of(recording)
+
+
+def check_of_points(cloud: Path, points: PointFile) -> ZeroCheck | None:
+    """Judge the check of a recording, or take what a point file says of it.
+
+    None where there was no radar: points of another program, which say nothing of a range error.
+    """
+    if is_recording(cloud):
+        return check_of(cloud)
+    if points.about.zero_check is not None:
+        return ZeroCheck(**points.about.zero_check)
+    return None if points.about.range_error is None else ZeroCheck("none", NOT_SAID.format(file=cloud.name))
 
 
 def described(check: ZeroCheck | None) -> JsonObject | None:

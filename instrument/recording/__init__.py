@@ -3,7 +3,7 @@
 from picoradar.instrument.recording.cloud import Cloud, cloud_of
 from picoradar.instrument.recording.errors import RecordingError, from_sqlite
 from picoradar.instrument.recording.findings import Event, LineCheck
-from picoradar.instrument.recording.header import digest, plain, versions
+from picoradar.instrument.recording.header import check_range_error, digest, plain, versions
 from picoradar.instrument.recording.names import free_stillborn, refuse_unwritable
 from picoradar.instrument.recording.recording import Recording, open_recording
 from picoradar.instrument.recording.salvage import salvage
@@ -15,6 +15,7 @@ __all__ = [
     "LineCheck",
     "Recording",
     "RecordingError",
+    "check_range_error",
     "cloud_of",
     "digest",
     "free_stillborn",

@@ -146,7 +146,7 @@ def checked_header(header: JsonObject) -> JsonObject:
     if header.get("trace") is not None:
         _check_trace(header["trace"])
     if header.get("range_error") is not None:
-        _check_range_error(header["range_error"])
+        check_range_error(header["range_error"])
     return header
 
 
@@ -160,7 +160,14 @@ def _check_trace(trace: JsonObject) -> None:
             raise ValueError(f"trace.{name} of the header is {trace[name]!r}, not a number")
 
 
-def _check_range_error(known: JsonObject) -> None:
+def check_range_error(known: JsonObject) -> None:
+    """Check what a header says of the range error that all points share.
+
+    Raises
+    ------
+    ValueError
+        Naming the key that is wrong.
+    """
     if not isinstance(known.get("material", ""), str):
         raise ValueError(f"range_error.material of the header is {known['material']!r}, not a word")
     if not _is_number(known.get("bias_mm", 0)):

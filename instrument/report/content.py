@@ -100,6 +100,7 @@ def facts(
     if isinstance(scan, Mapping) and isinstance(check := scan.get("zero_check"), Mapping):
         found.append(("range zero", str(check.get("sentence"))))
     found.append(("flagged points", flag_counts(cloud)))
+    found.append(("places with two echoes", two_echo_words(cloud)))
     off = {True: "yes, read back", False: "NO", None: "the scan was never closed"}[recording.laser_off_verified]
     found.append(("laser off at the end", off))
     found.append(("scan ended", recording.stop_reason or "never closed"))
@@ -149,6 +150,17 @@ def flag_counts(cloud: Cloud) -> str:
     """Return how many points carry which flag, in words."""
     counts = Counter({flag.words: int(np.count_nonzero(cloud.flags & np.uint16(flag))) for flag in Flag})
     return ", ".join(f"{words}: {count}" for words, count in counts.items() if count) or "none"
+
+
+def two_echo_words(cloud: Cloud) -> str:
+    """Say at how many places two echoes were told apart, and how far apart they are."""
+    points = cloud.with_range()
+    two = points.where(points.two_echoes)
+    if not len(two):
+        return "none told apart"
+    low, middle, high = np.percentile(two.last_range_mm - two.range_mm, [0, 50, 100])
+    apart = f"{number(middle, 'mm')} apart in the middle ({number(low, 'mm')} to {number(high, 'mm')})"
+    return f"{len(two)} of {len(points)}, {apart}; the point is the first of the two"
 
 
 def worst_target(registration: Registration) -> Target | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,7 @@ from picoradar.instrument.report.page import Page, Picture
 from picoradar.instrument.report.registered import RegisteredScan, Surface
 from picoradar.instrument.report.residuals import draw_convergence, draw_histogram
 from picoradar.instrument.report.style import save
+from picoradar.instrument.report.two_echoes import draw_two_echoes
 from picoradar.instrument.report.waveform import draw_waveform
 
 if TYPE_CHECKING:
@@ -66,7 +68,7 @@ def write_report(
     points = int(cloud.has_range.sum())
     if registered is not None and (count := len(registered.registration.residuals)) != points:
         raise ValueError(f"the registration has {count} points, the recording {points}")
-    export(recording, target / "cloud.ply")
+    export(recording, target / "cloud.ply", zero_check=_zero_check(summary))
     result = json.dumps(plain(summary), indent=2, sort_keys=True, allow_nan=False, ensure_ascii=False)
     (target / "result.json").write_text(result + "\n", encoding="utf-8")
     page = Page(
@@ -95,10 +97,18 @@ def _pictures(target: Path, recording: Recording, cloud: Cloud, registered: Regi
         pictures.append(_histogram(target, registered.registration))
     if len(points):
         pictures.append(_cloud(target, cloud))
+        pictures += _two_echoes(target, points)
         pictures += _waveform(target, recording, cloud)
     if registered is not None and registered.registration.history:
         pictures.append(_convergence(target, registered.registration))
     return pictures
+
+
+def _zero_check(summary: JsonObject) -> JsonObject | None:
+    """Return what the check of the range zero has found, where the command says it of its scan."""
+    scan = summary.get("scan")
+    check = scan.get("zero_check") if isinstance(scan, Mapping) else None
+    return dict(check) if isinstance(check, Mapping) else None
 
 
 def _overlay(target: Path, points: Cloud, registration: Registration, model: Surface) -> Picture:
@@ -130,6 +140,18 @@ def _cloud(target: Path, cloud: Cloud) -> Picture:
         "below 25 mV the range is less certain."
     )
     return Picture(save(draw_cloud(cloud), target / "cloud.png"), "Point cloud", caption)
+
+
+def _two_echoes(target: Path, points: Cloud) -> list[Picture]:
+    """Draw the places with two echoes, if there are any."""
+    if not points.two_echoes.any():
+        return []
+    caption = (
+        "Places whose spot sees two surfaces that are told apart: an edge, a hole, something in front of the target. "
+        "The point of the cloud is that of the first echo. Left: where, and how far behind it the last echo is. Right: "
+        "how bright each of the two was."
+    )
+    return [Picture(save(draw_two_echoes(points), target / "two-echoes.png"), "Places with two echoes", caption)]
 
 
 def _waveform(target: Path, recording: Recording, cloud: Cloud) -> list[Picture]:

@@ -63,7 +63,7 @@ def recording(tmp_path: Path) -> Iterator[Recording]:
 @pytest.mark.parametrize("suffix", [".ply", ".csv", ".npz", ".PLY"])
 def test_points_come_back_to_the_last_bit(recording: Recording, tmp_path: Path, suffix: str) -> None:
     target = tmp_path / f"cloud{suffix}"
-    assert export(recording, target) == {"written": str(target), "points": 12}
+    assert export(recording, target) == {"written": str(target), "points": 12, "two_echoes": 0}
     found = read_points(target)
     cloud = recording.cloud().with_range()
     assert np.array_equal(found.points, cloud.points_mm)
@@ -192,7 +192,10 @@ def test_a_missing_library_is_named_with_its_remedy(
 def test_csv_has_units_in_its_names(recording: Recording, tmp_path: Path) -> None:
     export(recording, tmp_path / "cloud.csv")
     first = (tmp_path / "cloud.csv").read_text().splitlines()[0]
-    assert first == "x_mm,y_mm,z_mm,response_mv,range_variance_mm2,flags,row,column"
+    assert first == (
+        "x_mm,y_mm,z_mm,response_mv,range_variance_mm2,flags,row,column,range_mm,"
+        "last_x_mm,last_y_mm,last_z_mm,last_range_mm,last_range_variance_mm2,last_response_mv,range_covariance_mm2"
+    )
 
 
 def test_ply_is_read_by_trimesh(recording: Recording, tmp_path: Path) -> None:

@@ -118,8 +118,11 @@ def test_without_a_check_there_is_no_pass(scanned: Path, tmp_path: Path, told: T
 
 
 def test_points_of_another_program_have_no_radar_to_check(scanned: Path, tmp_path: Path, told: Told) -> None:
-    told("export", scanned, "-o", tmp_path / "cloud.ply")
-    assert told("register", tmp_path / "cloud.ply", HIP_FILE)["zero_check"] is None
+    told("export", scanned, "-o", tmp_path / "cloud.csv")
+    table = (tmp_path / "cloud.csv").read_text().splitlines()
+    (tmp_path / "other.csv").write_text("\n".join(row for row in table if not row.startswith("#")))
+    found = told("register", tmp_path / "other.csv", HIP_FILE)
+    assert (found["zero_check"], found["range_error"]["source"]) == (None, None)
 
 
 def test_a_calibration_without_the_mark_is_judged_by_the_mark_that_was_recorded(

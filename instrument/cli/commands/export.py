@@ -27,11 +27,13 @@ def export(
     json: Json = False,
 ) -> None:
     """Write the points of a recording (points without a range are left out)."""
+    from picoradar.instrument.cli import zero
     from picoradar.instrument.files.export import export as write
     from picoradar.instrument.recording import Recording
 
+    check = zero.check_of(recording).to_dict()
     with Recording.open(recording) as scan:
-        result = write(scan, out, waveforms=waveforms)
+        result = write(scan, out, waveforms=waveforms, zero_check=check)
     if json:
         output.print_json(result)
     else:

@@ -48,7 +48,8 @@ def info(
         output.print_json(result)
     else:
         shown = ("lines", "lines_ok", "complete", "stop_reason", "seed", "raster", "range_error", "scanner", "versions")
-        output.print_table(str(recording), {**{k: result[k] for k in shown}, "range zero": zero_words(result)})
+        told = {"two echoes": f"told apart at {result['two_echoes']} places", "range zero": zero_words(result)}
+        output.print_table(str(recording), {**{k: result[k] for k in shown}, **told})
         for line in bad:
             output.console().print(f"line {line['line']}: {line['problem']}")
     if bad:
@@ -78,6 +79,7 @@ def describe_recording(scan: Recording) -> dict[str, object]:
         "range_error": header.get("range_error"),
         "versions": header.get("versions"),
         "scanner": header.get("scanner"),
+        "two_echoes": int(scan.cloud(skip_damaged=True).with_range().two_echoes.sum()),
         "zero_check": zero_check_of(scan).to_dict(),
         "damaged": damaged,
     }

@@ -30,6 +30,12 @@ Start = Annotated[
     ),
 ]
 
+RangeBias = Annotated[
+    float | None,
+    typer.Option(
+        help="SD of a range error common to all points, mm; by default what the recording, or its export, says."
+    ),
+]
 ToleranceOption = Annotated[
     str | None,
     typer.Option(
@@ -62,10 +68,7 @@ def register(
     noise_mm: Annotated[
         float | None, typer.Option(help="Range noise of a point, mm; estimated when not given.")
     ] = None,
-    range_bias_mm: Annotated[
-        float | None,
-        typer.Option(help="SD of a range error common to all points, mm; by default what the recording knows of it."),
-    ] = None,
+    range_bias_mm: RangeBias = None,
     tolerance: ToleranceOption = None,
     method: Method = "robust",
     start: Start = "any",
@@ -74,12 +77,12 @@ def register(
     """Find the pose of a scanned cloud in a model, and say how far to trust it."""
     import picoradar.registration as reg
     from picoradar.instrument.cli import zero
-    from picoradar.instrument.files.points import is_recording, read_points
+    from picoradar.instrument.files.points import read_points
 
     chosen, allowed = checked_method(method), parse_tolerance(tolerance)
     begin, places, regions = read_start(start, landmarks), read_targets(targets), read_regions(exclude)
     points = read_points(cloud)
-    check = zero.check_of(cloud) if is_recording(cloud) else None
+    check, known = zero.check_of_points(cloud, points), range_error_taken(cloud, points, range_bias_mm)
     began = time.perf_counter()
     prepared = reg.load_model(model)
     prepared_at = time.perf_counter()
@@ -94,19 +97,30 @@ def register(
         method=chosen,
         targets=places,
         noise_mm=noise_mm,
-        range_bias_mm=points.range_bias_mm if range_bias_mm is None else range_bias_mm,
+        range_bias_mm=known["sd_mm"],
         exclude=regions,
         tolerance=allowed,
         objections=zero.objections(check),
     )
-    done = time.perf_counter()
-    duration = {"prepare_ms": (prepared_at - began) * 1e3, "register_ms": (done - prepared_at) * 1e3}
+    times = {"prepare_ms": (prepared_at - began) * 1e3, "register_ms": (time.perf_counter() - prepared_at) * 1e3}
     if json:
-        output.print_json({**describe(result, allowed, **duration), "zero_check": zero.described(check)})
+        told = {"range_error": known, "zero_check": zero.described(check)}
+        output.print_json({**describe(result, allowed, **times), **told})
     else:
-        show(points, result, check)
+        show(result, check, known)
     if result.verdict == "fail":
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
+
+
+def range_error_taken(cloud: Path, points: PointFile, said_mm: float | None) -> JsonObject:
+    """Return material, bias and standard deviation of the common range error, and where the last is from."""
+    known = points.about.range_error
+    return {
+        "material": None if known is None else known.material,
+        "bias_mm": None if known is None else known.bias_mm,
+        "sd_mm": points.range_bias_mm if said_mm is None else said_mm,
+        "source": "--range-bias-mm" if said_mm is not None else None if known is None else cloud.name,
+    }
 
 
 def _origin(points: PointFile, said: str | None) -> Sequence[float]:
@@ -158,15 +172,16 @@ def checked_method(text: str) -> Literal["robust", "dissertation"]:
     raise BadInput(f"--method {text!r}: give robust or dissertation")
 
 
-def show(points: PointFile, result: Registration, check: ZeroCheck | None) -> None:
+def show(result: Registration, check: ZeroCheck | None, known: JsonObject) -> None:
     """Print a registration for people."""
     rows: JsonObject = {
         "verdict": result.verdict,
         "why": "\n".join(result.reasons),
-        "points used": f"{int(result.inliers.sum())} of {len(points.points)}",
+        "points used": f"{int(result.inliers.sum())} of {len(result.inliers)}",
         "residual rms, mm": f"{result.rms_mm:.3f}",
         "predicted rotation error, deg": f"{result.predicted_rotation_deg:.3f}",
     }
+    rows["common range error"] = range_error_in_words(known)
     if check is not None and check.passed:  # else it stands in the reasons
         rows["range zero"] = check.sentence
     for target in result.targets:
@@ -176,6 +191,17 @@ def show(points: PointFile, result: Registration, check: ZeroCheck | None) -> No
         rows["rival pose"] = f"{rival.rotation_deg:.1f} deg, {rival.translation_mm:.1f} mm away"
     rows["model_from_scanner"] = "\n".join(" ".join(f"{v:10.5f}" for v in row) for row in result.model_from_scanner)
     output.print_table("registration", rows)
+
+
+def range_error_in_words(known: JsonObject) -> str:
+    """Say what is taken for the range error that all points share, and where that is from."""
+    if known["source"] is None:
+        return "not known: neither the file nor --range-bias-mm says it"
+    sd = "never measured" if known["sd_mm"] is None else f"SD {known['sd_mm']:.3f} mm"
+    if known["bias_mm"] is None:
+        return f"{sd} ({known['source']})"
+    material = known["material"] or "material not stated"
+    return f"{sd} ({known['source']}); {material}, {known['bias_mm']:.3f} mm taken off"
 
 
 def in_words(target: Target) -> str:

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from picoradar.instrument.line import LAST_ECHO
 from picoradar.instrument.recording import Cloud
 
 
 def arrays_of(cloud: Cloud) -> dict[str, NDArray[np.generic]]:
-    """Return the arrays of an archive by name, points without a range left out."""
+    """Return the arrays of an archive by name, points without a range left out; NaN where there is no last echo."""
     points = cloud.with_range()
     return {
         "points_mm": points.points_mm,
@@ -24,6 +25,7 @@ def arrays_of(cloud: Cloud) -> dict[str, NDArray[np.generic]]:
         "column": points.columns,
         "angles_rad": points.angles_rad,
         "origin_mm": np.zeros(3),
+        **{name: getattr(points, name) for name in LAST_ECHO},
     }
 
 

@@ -4,7 +4,7 @@
 of the scan, with a range or without: ``sums`` (M, S) of the A/D codes over ``sweeps`` sweeps, ``row``, ``column`` and
 ``flags``. Its attributes give the axis and the scale: the k-th sample is taken at start_ps + step_ps * k and is
 (sums / sweeps - zero_code) * mv_per_code mV. A scan in windows has the group `windows` instead. The root carries the
-recording's header as JSON text.
+recording's header as JSON text, and what is said about the points (`picoradar.instrument.files.about`).
 """
 
 from __future__ import annotations
@@ -45,11 +45,13 @@ class Tree:
 
     points: Arrays
     recording: Recording
+    about: dict[str, str]
     traces: bool
 
     def write(self, root: G, make: MakeArray[G]) -> None:
         """Fill an empty root group."""
         root.attrs["header"] = json.dumps(self.recording.header, sort_keys=True)
+        root.attrs.update(self.about)
         points = root.create_group("points")
         for name, values in self.points.items():
             make(points, name, values.shape, values.dtype)[...] = values
@@ -69,6 +71,8 @@ class Tree:
 
     def held_by(self, root: Node) -> bool:
         """Return whether a root group reads back as this tree."""
+        if any(root.attrs.get(name) != text for name, text in self.about.items()):
+            return False
         if not all(_same(root["points"][name][...], values) for name, values in self.points.items()):
             return False
         if not self.traces:

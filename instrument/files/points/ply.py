@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,10 +31,18 @@ class _Header:
     dtype: np.dtype[np.void]
     end: int  # byte after the header
     lines: int  # lines of the header
+    comments: list[str]
 
 
-def read_vertices(path: Path) -> NDArray[np.void]:
-    """Return the (N,) structured array of the element ``vertex``.
+class Vertices(NamedTuple):
+    """The (N,) structured array of the element ``vertex``, and the comments of the header."""
+
+    table: NDArray[np.void]
+    comments: list[str]
+
+
+def read_vertices(path: Path) -> Vertices:
+    """Read the element ``vertex``.
 
     Raises
     ------
@@ -45,8 +54,10 @@ def read_vertices(path: Path) -> NDArray[np.void]:
     content = path.read_bytes()
     header = _read_header(path, content)
     if header.form == "ascii":
-        return _read_text(path, content, header)
-    return np.frombuffer(content, dtype=header.dtype, count=header.count, offset=header.end)
+        table = _read_text(path, content, header)
+    else:
+        table = np.frombuffer(content, dtype=header.dtype, count=header.count, offset=header.end)
+    return Vertices(table, header.comments)
 
 
 def _read_header(path: Path, content: bytes) -> _Header:
@@ -81,7 +92,8 @@ def _read_header(path: Path, content: bytes) -> _Header:
     missing = 0 if form == "ascii" else stated * dtype.itemsize - (len(content) - end)
     if missing > 0:
         raise PointFileError(path, f"is cut off: {missing} bytes of its {stated} points are missing", "copy it again")
-    return _Header(form, stated, dtype, end, len(lines))
+    comments = [line.removeprefix("comment ") for line in lines if line.startswith("comment ")]
+    return _Header(form, stated, dtype, end, len(lines), comments)
 
 
 def _read_text(path: Path, content: bytes, header: _Header) -> NDArray[np.void]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from picoradar.drivers.errors import DECODER_ERRORS, decoder_words
+from picoradar.instrument.files.about import NAMES, About, error_of, read_texts, texts_in
 from picoradar.instrument.files.points.archive import read_arrays
 from picoradar.instrument.files.points.errors import PointFileError
 from picoradar.instrument.files.points.limits import LARGEST_FILE_BYTES, MOST_POINTS
@@ -21,7 +22,7 @@ from picoradar.instrument.recording import Recording
 SUFFIXES = (".ply", ".csv", ".xyz", ".npz")
 _SQLITE = b"SQLite format 3\0"
 _RESPONSES = ("response_mv", "response")
-_ARRAYS = ("points_mm", "points", "row", "column", "origin_mm", "covariance_mm2", "response_mv")
+_ARRAYS = ("points_mm", "points", "row", "column", "origin_mm", "covariance_mm2", "response_mv", *NAMES)
 
 
 @dataclass(frozen=True)
@@ -39,9 +40,8 @@ class PointFile:
     response_mv : (N,) float array or None
     grid : (N, 2) int array or None
         Raster row and column.
-    range_bias_mm : float or None
-        Standard deviation of the range error that all points share, what was taken off already apart; None if the
-        file does not say, or it was never measured.
+    about : About
+        The range error that all points share, and how the check of the range zero came out, as far as the file says.
     """
 
     points: NDArray[np.float64]
@@ -49,7 +49,13 @@ class PointFile:
     covariance: NDArray[np.float64] | None = None
     response_mv: NDArray[np.float64] | None = None
     grid: NDArray[np.int32] | None = None
-    range_bias_mm: float | None = None
+    about: About = field(default_factory=About)
+
+    @property
+    def range_bias_mm(self) -> float | None:
+        """Get the standard deviation of the range error that all points share, what was taken off already apart; None
+        if the file does not say, or it was never measured."""
+        return None if self.about.range_error is None else self.about.range_error.sd_mm
 
 
 def is_recording(path: str | os.PathLike[str]) -> bool:
@@ -70,7 +76,8 @@ def read_points(path: str | os.PathLike[str]) -> PointFile:
     Parameters
     ----------
     path : path
-        A recording (recognised by its content) or a ``.ply``, ``.csv``, ``.xyz`` or ``.npz`` file.
+        A recording (recognised by its content) or a ``.ply``, ``.csv``, ``.xyz`` or ``.npz`` file. Of two echoes at
+        one place the first is the point; the last takes no part.
 
     Raises
     ------
@@ -102,27 +109,28 @@ def read_points(path: str | os.PathLike[str]) -> PointFile:
 
 def _from_recording(file: Path) -> PointFile:
     with Recording.open(file) as recording:
-        cloud, range_bias_mm = recording.cloud().with_range(), recording.range_error.get("sd_mm")
-    return PointFile(cloud.points_mm, np.zeros(3), cloud.covariance_mm2, cloud.response_mv, cloud.grid, range_bias_mm)
+        cloud, known = recording.cloud().with_range(), recording.range_error
+    about = About(error_of(known) if known else None)
+    return PointFile(cloud.points_mm, np.zeros(3), cloud.covariance_mm2, cloud.response_mv, cloud.grid, about)
 
 
 def _from_file(file: Path) -> PointFile:
     suffix = file.suffix.lower()
     if suffix == ".npz":
-        found = _from_archive(file)
+        found, texts = _from_archive(file)
         numbers = None
     elif suffix == ".ply":
-        table = read_vertices(file)
+        table, comments = read_vertices(file)
         found = _from_columns(file, {name.lower(): table[name].astype(np.float64) for name in table.dtype.names or ()})
-        numbers = None
+        texts, numbers = texts_in(comments), None
     elif suffix in (".csv", ".xyz"):
         columns = read_text(file)
         found = _from_columns(file, columns.values)
-        numbers = columns.line_numbers
+        texts, numbers = texts_in(columns.comments), columns.line_numbers
     else:
         raise PointFileError(file, f"the ending '{file.suffix}' is not known", f"use one of {' '.join(SUFFIXES)}")
     _check(file, found, numbers)
-    return found
+    return replace(found, about=read_texts(texts))
 
 
 def _from_columns(file: Path, values: Mapping[str, NDArray[np.float64]]) -> PointFile:
@@ -143,7 +151,7 @@ def _from_columns(file: Path, values: Mapping[str, NDArray[np.float64]]) -> Poin
     return PointFile(np.column_stack(axes), response_mv=response, grid=grid)
 
 
-def _from_archive(file: Path) -> PointFile:
+def _from_archive(file: Path) -> tuple[PointFile, dict[str, str]]:
     found = read_arrays(file, _ARRAYS)
     points = next((found[name] for name in ("points_mm", "points") if name in found), None)
     if points is None:
@@ -154,13 +162,22 @@ def _from_archive(file: Path) -> PointFile:
         raise PointFileError(file, f"its points are {points.dtype} {points.shape}", "make them numbers of (N, 3)")
     count = len(points)
     rows, columns = (_array(file, found, name, (count,)) for name in ("row", "column"))
-    return PointFile(
+    texts = {name: _text(file, name, found[name]) for name in NAMES if name in found}
+    arrays = PointFile(
         np.ascontiguousarray(points, dtype=np.float64),
         origin=_array(file, found, "origin_mm", (3,)),
         covariance=_array(file, found, "covariance_mm2", (count, 3, 3)),
         response_mv=_array(file, found, "response_mv", (count,)),
         grid=None if rows is None or columns is None else _grid(file, rows, columns),
     )
+    return arrays, texts
+
+
+def _text(file: Path, name: str, value: NDArray[np.generic]) -> str:
+    if value.shape != () or value.dtype.kind != "U":
+        what = f"its array {name} is {value.dtype} {value.shape}"
+        raise PointFileError(file, what, "make it one text, or leave it out")
+    return str(value)
 
 
 def _grid(file: Path, rows: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.int32]:

@@ -18,10 +18,12 @@ _REMEDY = "give one point per line: x, y, z in mm, and a header row if there are
 
 @dataclass(frozen=True)
 class Columns:
-    """Numbers of a text file by column name (lower case; ``x y z`` where there is no header row)."""
+    """Numbers of a text file by column name (lower case; ``x y z`` where there is no header row), and the comments that
+    have a line of their own."""
 
     values: dict[str, NDArray[np.float64]]
     line_numbers: list[int]
+    comments: list[str]
 
 
 def read_text(path: Path) -> Columns:
@@ -40,9 +42,11 @@ def read_text(path: Path) -> Columns:
     names: list[str] = []
     rows: list[list[float]] = []
     numbers: list[int] = []
+    comments: list[str] = []
     for number, line in enumerate(content.decode("utf-8-sig", errors="replace").splitlines(), start=1):
         text = _COMMENT.split(line, maxsplit=1)[0].strip()
         if not text:
+            comments.append(line.strip().removeprefix("#"))
             continue
         if ";" in text and "," in text:  # 1,5;2,5 would be read as four numbers
             raise PointFileError(path, "both ; and , are used", "write decimals with a point", line=number)
@@ -67,7 +71,7 @@ def read_text(path: Path) -> Columns:
     if len(rows[0]) < 3:
         raise PointFileError(path, f"has {len(rows[0])} columns", _REMEDY, line=numbers[0])
     table = np.array(rows, dtype=np.float64)
-    return Columns({name: table[:, k] for k, name in enumerate(names)}, numbers)
+    return Columns({name: table[:, k] for k, name in enumerate(names)}, numbers, comments)
 
 
 def _is_number(word: str) -> bool:
