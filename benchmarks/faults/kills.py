@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from picoradar.instrument.cli.main import run
+from picoradar.instrument.line import LAST_ECHO
 from picoradar.instrument.recording import Recording, RecordingError
 
 SCAN = ["scan", "--grid", "8x8", "--seed", "4", "--speed", "60", "--json"]
@@ -32,7 +33,10 @@ def content(path: Path) -> bytes:
         traces = b"".join(line.sums.tobytes() for line in lines if line.sums is not None)
         traces += b"".join(line.windows.sums.tobytes() for line in lines if line.windows is not None)
         cloud = recording.cloud()
-    names = ("points_mm", "covariance_mm2", "range_mm", "range_variance_mm2", "response_mv", "flags", "rows", "columns")
+    names = (
+        *("points_mm", "covariance_mm2", "range_mm", "range_variance_mm2", "response_mv", "flags", "rows", "columns"),
+        *LAST_ECHO,
+    )
     return traces + b"".join(np.ascontiguousarray(getattr(cloud, name)).tobytes() for name in names)
 
 

@@ -40,7 +40,7 @@ def echoes_blob(line: ScanLine) -> bytes:
         values = getattr(line, name)
         if np.shape(values) != (count, *shape):
             raise ValueError(f"{name} has the shape {np.shape(values)}, not {(count, *shape)}")
-        there |= ~np.isnan(values.reshape(count, -1)).all(axis=1)
+        there |= ~np.isnan(values).all(axis=tuple(range(1, values.ndim)))
     table = np.empty(np.count_nonzero(there), dtype=ECHO)
     table["place"] = np.flatnonzero(there)
     for name in LAST_ECHO:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -296,3 +296,23 @@ def test_time_significant_points_of_a_known_trace() -> None:
     assert level == pytest.approx(25.0, rel=0.02)
     assert echo == pytest.approx(11_500.0 - lead, abs=1.5)
     assert time_significant_points(times, np.zeros_like(times)) == []
+
+
+def test_two_echoes_have_a_line_and_a_picture_where_there_are_any(tmp_path: Path) -> None:
+    page, folder = report(tmp_path / "one", scan(tmp_path / "one.db"))
+    assert re.search(r"places with two echoes</th>\s*<td>none told apart<", page)
+    assert not (folder / "two-echoes.png").exists()
+
+    last = {"last_range_mm": np.full(COLUMNS, np.nan), "last_response_mv": np.full(COLUMNS, np.nan)}
+    line = bowl_line(0, traces=False)
+    last["last_range_mm"][[2, 7, 8]], last["last_response_mv"][[2, 7, 8]] = (
+        line.range_mm[[2, 7, 8]] + [20, 30, 60],
+        25.0,
+    )
+    recording = Recording.create(tmp_path / "two.db", HEADER)
+    recording.append(replace(line, **last))
+    recording.finish("complete", laser_off_verified=True)
+    page, folder = report(tmp_path / "two", recording)
+    assert f"3 of {COLUMNS}, 30.0 mm apart in the middle (20.0 mm to 60.0 mm)" in page
+    assert (folder / "two-echoes.png").stat().st_size > 10_000
+    assert "Places with two echoes" in page
