@@ -139,11 +139,19 @@ def _points(count: int = 40) -> np.ndarray:
     return np.random.default_rng(1).normal(size=(count, 3)) * 20.0 + [0.0, 0.0, 900.0]
 
 
+ABOUT = {
+    "range_error": '{"bias_mm": 2.5, "material": "bone", "sd_mm": 0.4}',
+    "zero_check": '{"by": "mark", "largest_mm": 0.1, "outcome": "passed", "sentence": "checked"}',
+}
+"""What an export says of its points, JSON text by name."""
+
+
 def _archives() -> list[bytes]:
     points, made = _points(), []
     for save in (np.savez, np.savez_compressed):
         content = io.BytesIO()
         more = {"row": np.arange(40), "column": np.arange(40), "covariance_mm2": np.tile(np.eye(3), (40, 1, 1))}
+        more |= {name: np.array(text) for name, text in ABOUT.items()}
         save(content, points_mm=points, origin_mm=np.zeros(3), response_mv=np.ones(40), **more)
         made.append(content.getvalue())
     return made
@@ -152,7 +160,10 @@ def _archives() -> list[bytes]:
 def _clouds() -> list[bytes]:
     points = _points()
     text = "\n".join(" ".join(f"{x:.6g}" for x in row) for row in points)
-    head = "ply\nformat {} 1.0\ncomment made here\nelement vertex 40\n" + "".join(f"property {{}} {a}\n" for a in "xyz")
+    about = "".join(f"comment picoradar {name} {text}\n" for name, text in ABOUT.items())
+    about = about.replace("{", "{{").replace("}", "}}")
+    head = f"ply\nformat {{}} 1.0\ncomment made here\n{about}"
+    head += "element vertex 40\n" + "".join(f"property {{}} {a}\n" for a in "xyz")
     plain_head = head.format("ascii", "float", "float", "int") + "end_header\n"
     rows = "\n".join(f"{x:.6g} {y:.6g} {int(z)}" for x, y, z in points)
     packed = head.format("binary_little_endian", "double", "double", "double") + "end_header\n"
@@ -162,7 +173,8 @@ def _clouds() -> list[bytes]:
 def _tables() -> list[bytes]:
     points = _points()
     rows = [",".join(f"{x:.6g}" for x in row) for row in points]
-    return [b"x_mm,y_mm,z_mm\n" + "\n".join(rows).encode(), "\n".join(rows).replace(",", " ").encode(),
+    about = "".join(f"# picoradar {name} {text}\n" for name, text in ABOUT.items()).encode()
+    return [b"x_mm,y_mm,z_mm\n" + about + "\n".join(rows).encode(), "\n".join(rows).replace(",", " ").encode(),
             b"# made by hand\nrow;column;x;y;z\n" + b"\n".join(b"0;%d;1;2;900" % k for k in range(20))]  # fmt: skip
 
 
