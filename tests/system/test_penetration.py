@@ -174,8 +174,14 @@ def test_the_budget_of_a_recording_reaches_targets_and_verdict(call: Callable[..
     assert stated["verdict"] == "caution"
     assert "common range error" in stated["reasons"][0]
 
-    call("export", demo / "scan.db", "-o", tmp_path / "cloud.csv")  # a table says nothing of it
-    code, unknown = call("register", tmp_path / "cloud.csv", demo / "model.stl", *given[3:])
+    call("export", demo / "scan.db", "-o", tmp_path / "cloud.csv")
+    code, exported = call("register", tmp_path / "cloud.csv", demo / "model.stl", *given[3:])
+    assert (code, exported["verdict"]) == (0, "pass")
+    assert exported["targets"][0]["bias_mm"] == pytest.approx(sd_mm, rel=0.15)
+
+    table = (tmp_path / "cloud.csv").read_text().splitlines()  # that of another program says nothing of it
+    (tmp_path / "other.csv").write_text("\n".join(row for row in table if not row.startswith("#")))
+    code, unknown = call("register", tmp_path / "other.csv", demo / "model.stl", *given[3:])
     assert (code, unknown["verdict"]) == (0, "caution")
     assert "bench penetration" in " ".join(unknown["reasons"])
     assert unknown["targets"][0]["bias_mm"] is None
