@@ -41,7 +41,7 @@ class NoticingSettings:
     slow_waves: int = 4
     least_expected: float = 0.05
     component_sigmas: float = 3.0
-    min_common: int = 16
+    min_common: int = 8
     common_sigmas: float = 6.0
     common_local_ps: float = 150.0
     common_smoother: float = 1.5

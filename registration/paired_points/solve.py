@@ -33,8 +33,8 @@ class PairedPoints:
     fixed_from_moving : (4, 4) array
         Rigid pose.
     fre_mm : float
-        Fiducial registration error, root mean square distance of the pairs after registration. It says
-        nothing about the error at a target; :meth:`tre` does.
+        Fiducial registration error, root mean square distance of the pairs after registration, weighted as they were.
+        It says nothing about the error at a target; :meth:`tre` does.
     residuals_mm : (N, 3) array
         ``fixed - fixed_from_moving(moving)``.
     covariance : (6, 6) array
@@ -73,7 +73,8 @@ def paired_points(
     """Register paired points, with a prediction of the error at any target.
 
     Without covariances the closed form is used, and the localisation error (FLE) is taken to be isotropic and
-    estimated from the residuals: ``<FLE^2> = <FRE^2> / (1 - 2/N)``. With covariances the weighted sum
+    estimated from the residuals: ``<FLE^2> = <FRE^2> / (1 - 2/N)``. With weights w, the error of a pair is taken to have
+    the variance ``s^2 / w``, and ``sum w |r|^2 = s^2 (N - 2)`` (N pairs that count at all) tells s. With covariances the weighted sum
     ``sum (b - R a - t)^T Sigma^-1 (b - R a - t)``, ``Sigma = R Sigma_moving R^T + Sigma_fixed``, is minimised.
 
     Parameters
@@ -81,7 +82,8 @@ def paired_points(
     fixed, moving : (N, 3) arrays
         Paired points, mm, N at least 3 and not on one line.
     weights : (N,) array, optional
-        Scalar weights; not together with covariances.
+        Scalar weights, not together with covariances: inverse variances but for a common factor. A pair of weight 0 takes
+        no part; its residual is reported.
     fixed_covariance, moving_covariance : (3, 3) or (N, 3, 3) arrays, optional
         Localisation covariance in each frame, mm^2.
 
@@ -90,7 +92,7 @@ def paired_points(
     PointsError
         For arrays of wrong shape, with NaN or infinite values, or with fewer than three pairs.
     DegenerateError
-        For points that are collinear (the free axis is named).
+        For points that are collinear (the free axis is named), those of weight 0 left out.
 
     Examples
     --------
@@ -107,8 +109,10 @@ def paired_points(
     if a.shape != b.shape:
         raise PointsError(f"paired points come in pairs: {len(b)} fixed and {len(a)} moving points were given")
     w = checked_weights(weights, len(b))
+    counts = w > 0
     for name, points in (("fixed", b), ("moving", a)):
-        refuse_collinear(points, name)
+        refuse_collinear(points[counts], name)
+    centre = b.mean(axis=0)
     has_covariance = fixed_covariance is not None or moving_covariance is not None
     if has_covariance and weights is not None:
         raise PointsError("give either scalar weights or covariances, not both")
@@ -120,17 +124,17 @@ def paired_points(
     else:
         solution = start
         residuals = b - transform(start, a)
-        fle2 = float((residuals**2).sum() / len(b)) / (1.0 - 2.0 / len(b))
-        covariance = parameter_covariance(
-            transform(start, a), b.mean(axis=0), np.broadcast_to(np.eye(3) * fle2 / 3.0, (len(b), 3, 3)), w
-        )
+        used = int(counts.sum())
+        unit_variance = float(w @ (residuals**2).sum(axis=1)) / (used - 2) / 3.0  # of one axis, at weight 1
+        sigma = np.eye(3) * (unit_variance / w[counts])[:, None, None]
+        covariance = parameter_covariance(transform(start, a[counts]), centre, sigma, w[counts])
     residuals = b - transform(solution, a)
     return PairedPoints(
         fixed_from_moving=solution,
-        fre_mm=float(np.sqrt((residuals**2).sum(axis=1).mean())),
+        fre_mm=float(np.sqrt(np.average((residuals**2).sum(axis=1), weights=w))),
         residuals_mm=residuals,
         covariance=covariance,
-        centre=b.mean(axis=0),
+        centre=centre,
         uniqueness_gap=_uniqueness_gap(correlation(b, a, w)[2]),
     )
 
