@@ -190,7 +190,7 @@ def _sentences(
         if square / (fle_mm**2 / 3.0) > stats.chi2.isf(FALSE_ALARMS, 3 * len(b) - 6):
             seen, expected = np.sqrt(square / len(b)), fle_mm * np.sqrt(1.0 - 2.0 / len(b))
             return [
-                f"The pairs agree to {seen:.1f} mm, {expected:.1f} mm are expected by their localisation error: several "
-                "are off, or it is greater."
+                f"The pairs agree to {seen:.1f} mm, {expected:.1f} mm are expected by their localisation error: "
+                "several are off, or it is greater."
             ]
     return []

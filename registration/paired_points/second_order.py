@@ -1,8 +1,8 @@
 """The error at a target to second order: where the rotation is poorly held, an arc is no straight line.
 
-To first order a small rotation moves a target on a tangent, and the mean error is zero. The next term of the exponential
-map bends the tangent to the arc: it shifts the mean towards the axis and widens the spread along it (the approach of
-Moghari and Abolmaesumi, IEEE TMI 28:1796 (2009), here for any covariance of the pose).
+To first order a small rotation moves a target on a tangent, and the mean error is zero. The next term of the
+exponential map bends the tangent to the arc: it shifts the mean towards the axis and widens the spread along it (the
+approach of Moghari and Abolmaesumi, IEEE TMI 28:1796 (2009), here for any covariance of the pose).
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from picoradar.registration._types import FloatArray
 
 
 class SecondOrder(NamedTuple):
-    """Mean (..., 3) mm and covariance (..., 3, 3) mm^2 of the error at targets; the root mean square is that of both."""
+    """Mean (..., 3) mm and covariance (..., 3, 3) mm^2 of the error at targets."""
 
     mean_mm: FloatArray
     covariance_mm2: FloatArray
 
     @property
     def rms_mm(self) -> FloatArray:
-        """Get the root mean square error (...) mm."""
+        """Get the root mean square error (...) mm, of mean and spread together."""
         spread = np.trace(self.covariance_mm2, axis1=-2, axis2=-1)
         return np.asarray(np.sqrt(spread + np.sum(self.mean_mm**2, axis=-1)), dtype=np.float64)
 

@@ -73,8 +73,9 @@ def paired_points(
     """Register paired points, with a prediction of the error at any target.
 
     Without covariances the closed form is used, and the localisation error (FLE) is taken to be isotropic and
-    estimated from the residuals: ``<FLE^2> = <FRE^2> / (1 - 2/N)``. With weights w, the error of a pair is taken to have
-    the variance ``s^2 / w``, and ``sum w |r|^2 = s^2 (N - 2)`` (N pairs that count at all) tells s. With covariances the weighted sum
+    estimated from the residuals: ``<FLE^2> = <FRE^2> / (1 - 2/N)``. With weights w, the error of a pair is taken to
+    have the variance ``s^2 / w``, and ``sum w |r|^2 = s^2 (N - 2)`` (N pairs that count at all) tells s. With
+    covariances the weighted sum
     ``sum (b - R a - t)^T Sigma^-1 (b - R a - t)``, ``Sigma = R Sigma_moving R^T + Sigma_fixed``, is minimised.
 
     Parameters
@@ -82,8 +83,8 @@ def paired_points(
     fixed, moving : (N, 3) arrays
         Paired points, mm, N at least 3 and not on one line.
     weights : (N,) array, optional
-        Scalar weights, not together with covariances: inverse variances but for a common factor. A pair of weight 0 takes
-        no part; its residual is reported.
+        Scalar weights, not together with covariances: inverse variances but for a common factor. A pair of weight 0
+        takes no part; its residual is reported.
     fixed_covariance, moving_covariance : (3, 3) or (N, 3, 3) arrays, optional
         Localisation covariance in each frame, mm^2.
 

@@ -123,9 +123,10 @@ def test_residuals_that_are_expected_are_those_of_a_simulation() -> None:
 
 def test_pairs_that_agree_less_than_their_localisation_are_told_so() -> None:
     fixed, moving = pairs(7, 6, fle_mm=4.0)
-    assert "expected" in judge_pairs(fixed, moving, fle_mm=0.3).sentences[0] or judge_pairs(
-        fixed, moving, fle_mm=0.3
-    ).off is not None
+    assert (
+        "expected" in judge_pairs(fixed, moving, fle_mm=0.3).sentences[0]
+        or judge_pairs(fixed, moving, fle_mm=0.3).off is not None
+    )
 
 
 def test_a_localisation_error_that_is_none_is_refused() -> None:
