@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 from picoradar.drivers.errors import DECODER_ERRORS, decoder_words
 from picoradar.drivers.traces import CodeScale
 from picoradar.instrument.acquisition import Acquisition, Setup, can_window, raster_scan
@@ -17,7 +15,7 @@ from picoradar.instrument.cli.session import Session
 from picoradar.instrument.controller import STATE_EVENT, ScanOutcome, Sink, Subscription
 from picoradar.instrument.errors import BadInput, Interrupted
 from picoradar.instrument.events import JsonObject
-from picoradar.instrument.line import Flag, ScanLine
+from picoradar.instrument.line import ScanLine
 from picoradar.instrument.recording import Cloud, Recording, RecordingError, cloud_of
 
 
@@ -159,7 +157,7 @@ def describe_scan(run: Session, job: Acquisition, cloud: Cloud, outcome: ScanOut
         "range_error": run.calibration.range_error(scan.material, job.capture.ranging)._asdict(),
         "device_time_s": round(outcome.device_time_s, 6),
         "shot_limited_s": job.shots / run.settings.pulser.prf_hz,
-        "flags": {f.words: n for f in Flag if f and (n := int(np.count_nonzero(cloud.flags & np.uint16(f))))},
+        "flags": cloud.flag_counts,
         "two_echoes": int(cloud.with_range().two_echoes.sum()),
         "laser_off_verified": outcome.safe.laser_off_verified,
         "safe_state": outcome.safe.steps,

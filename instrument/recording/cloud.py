@@ -56,6 +56,12 @@ class Cloud(LastEcho):
         return np.asarray((self.flags & np.uint16(NO_RANGE)) == 0, dtype=np.bool_)
 
     @property
+    def flag_counts(self) -> dict[str, int]:
+        """Get how many points carry each flag that any carries, by its words."""
+        counts = {flag.words: int(np.count_nonzero(self.flags & np.uint16(flag))) for flag in Flag if flag}
+        return {words: count for words, count in counts.items() if count}
+
+    @property
     def grid(self) -> NDArray[np.int32]:
         """Get the (N, 2) raster rows and columns."""
         return np.column_stack([self.rows, self.columns])

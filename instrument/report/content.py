@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from picoradar.instrument.events import JsonObject
-from picoradar.instrument.line import Flag
 from picoradar.instrument.recording import Cloud, Recording
 from picoradar.instrument.report.page import Banner
 from picoradar.instrument.report.registered import RegisteredScan
@@ -148,8 +146,7 @@ def _common(target: Target) -> str:
 
 def flag_counts(cloud: Cloud) -> str:
     """Return how many points carry which flag, in words."""
-    counts = Counter({flag.words: int(np.count_nonzero(cloud.flags & np.uint16(flag))) for flag in Flag})
-    return ", ".join(f"{words}: {count}" for words, count in counts.items() if count) or "none"
+    return ", ".join(f"{words}: {count}" for words, count in cloud.flag_counts.items()) or "none"
 
 
 def two_echo_words(cloud: Cloud) -> str:
