@@ -9,6 +9,7 @@ from picoradar.registration.scan.noise import (
     raster_noise,
 )
 from picoradar.registration.scan.points import MIN_POINTS, Scan, checked_scan
+from picoradar.registration.scan.raster import checked_grid
 from picoradar.registration.scan.response import weighted_by_response
 from picoradar.registration.scan.tissue import bone_probability, log_likelihood, neighbour_sum
 
@@ -18,6 +19,7 @@ __all__ = [
     "NoiseModel",
     "Scan",
     "bone_probability",
+    "checked_grid",
     "checked_scan",
     "estimated_range_noise",
     "initial_noise",

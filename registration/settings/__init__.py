@@ -7,6 +7,7 @@ does to poses, verdicts and CPU time is measured by ``benchmarks/registration/se
 
 from picoradar.registration.settings.edges import EdgeSettings
 from picoradar.registration.settings.fit import BeamFitSettings, BrightnessSettings, WeakModeSettings
+from picoradar.registration.settings.live import LiveSettings
 from picoradar.registration.settings.preparation import (
     HollowSettings,
     PreparationSettings,
@@ -23,6 +24,7 @@ __all__ = [
     "BrightnessSettings",
     "EdgeSettings",
     "HollowSettings",
+    "LiveSettings",
     "NoiseSettings",
     "PreparationSettings",
     "RobustSettings",
