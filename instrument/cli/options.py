@@ -45,7 +45,27 @@ PrfHz = Annotated[float | None, typer.Option(help="Pulse repetition frequency, H
 Mode = Annotated[
     str | None, typer.Option(help="sweep: the whole trace; window: two short pieces, only the shots needed.")
 ]
+Order = Annotated[
+    str | None,
+    typer.Option(help="Order of the lines: rows, or interlaced (every 16th line, then those between)."),
+]
 Estimator = Annotated[str | None, typer.Option(help="How a trace becomes a range: half-maximum or template.")]
+RegisterModel = Annotated[
+    Path | None,
+    typer.Option(
+        "--register", help="Mesh (mm) to register to while the scan is made; it ends once the verdict is pass."
+    ),
+]
+TargetsFile = Annotated[
+    Path | None, typer.Option("--targets", help='JSON list of {"position": [x,y,z], "name": ...}, model frame, mm.')
+]
+LandmarksFile = Annotated[
+    Path | None,
+    typer.Option("--landmarks", help='JSON list of {"scanner": [x,y,z], "model": [x,y,z], "name": ...}.'),
+]
+UntilTre = Annotated[
+    float | None, typer.Option("--until-tre", help="End at pass and this predicted error (rms, mm) at every target.")
+]
 Material = Annotated[
     str | None,
     typer.Option(
@@ -71,6 +91,7 @@ class ScanOptions(TypedDict, total=False):
     averages: int | None
     prf_hz: float | None
     mode: str | None
+    order: str | None
     estimator: str | None
     material: str | None
 
@@ -112,6 +133,7 @@ def scan_settings(settings_file: Path | None, **options: Unpack[ScanOptions]) ->
                 "distance_mm": distance_mm,
                 "averages": options.get("averages"),
                 "mode": options.get("mode"),
+                "order": options.get("order"),
                 "estimator": options.get("estimator"),
                 "material": options.get("material"),
             },

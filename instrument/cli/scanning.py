@@ -5,18 +5,21 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from picoradar.drivers.errors import DECODER_ERRORS, decoder_words
 from picoradar.drivers.traces import CodeScale
 from picoradar.instrument.acquisition import Acquisition, Setup, can_window, raster_scan
 from picoradar.instrument.cli import output, zero
 from picoradar.instrument.cli.session import Session
-from picoradar.instrument.controller import STATE_EVENT, ScanOutcome, Sink, Subscription
+from picoradar.instrument.controller import STATE_EVENT, ScanOutcome, Subscription
 from picoradar.instrument.errors import BadInput, Interrupted
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import ScanLine
 from picoradar.instrument.recording import Cloud, Recording, RecordingError, cloud_of
+
+if TYPE_CHECKING:
+    from picoradar.instrument.cli.following import Asked, Following
 
 
 class RecordedScan(NamedTuple):
@@ -27,8 +30,8 @@ class RecordedScan(NamedTuple):
     cloud: Cloud
 
 
-def record_scan(run: Session, path: Path) -> RecordedScan:
-    """Take one scan into a new recording.
+def record_scan(run: Session, path: Path, asked: Asked | None = None) -> RecordedScan:
+    """Take one scan into a new recording; with something asked, register it meanwhile and end it when that is reached.
 
     Raises
     ------
@@ -47,7 +50,7 @@ def record_scan(run: Session, path: Path) -> RecordedScan:
         header["faults"] = run.simulated.faults
     if checked := zero.plate_now(run.settings, run.calibration):
         header[zero.PLATE] = checked
-    return _scan_into(run, job, Recording.create(path, header))
+    return _scan_into(run, job, Recording.create(path, header), asked)
 
 
 def _warn_of_unmeasured(run: Session, job: Acquisition) -> None:
@@ -107,12 +110,19 @@ def job_for(run: Session, rows: Sequence[int] | None = None) -> Acquisition:
     return raster_scan(setup, rows, in_windows=in_windows, mark=zero.mark_for(setup))
 
 
-def _scan_into(run: Session, job: Acquisition, recording: Recording) -> RecordedScan:
-    began = time.perf_counter()
+def _scan_into(run: Session, job: Acquisition, recording: Recording, asked: Asked | None = None) -> RecordedScan:
+    began, following = time.perf_counter(), None
+    if asked is not None:
+        from picoradar.instrument.cli.following import Following  # the registration takes its time to be imported
+
+        following = Following(asked, run, job, recording)
     with recording:
         lines = list(recording.lines(traces=False))  # of an earlier part of the scan; empty for a new one
         try:
-            outcome = _scan_with_bar(run, job, recording, lambda line: lines.append(line.without_raw_samples()))
+            sinks = [Subscription(lambda line: lines.append(line.without_raw_samples()), "result", every_line=True)]
+            if following is not None:
+                sinks.append(Subscription(following.take, "registration", every_line=True))
+            outcome = _scan_with_bar(run, job, recording, sinks, following)
         except Exception as error:
             error.add_note(_what_next(len(lines), recording))
             raise
@@ -123,6 +133,8 @@ def _scan_into(run: Session, job: Acquisition, recording: Recording) -> Recorded
     if outcome.stop_reason == "interrupted":
         safe = "laser off verified" if outcome.safe.laser_off_verified else str(outcome.safe)
         raise Interrupted(f"interrupted; {safe}; {_what_next(len(lines), recording)}")
+    if following is not None:
+        result["registration"] = following.finish(cloud)
     return RecordedScan(result, outcome, cloud)
 
 
@@ -131,17 +143,19 @@ def _what_next(lines: int, recording: Recording) -> str:
     return f"{lines} lines kept in {recording.path}; go on with: picoradar resume {recording.path}"
 
 
-def _scan_with_bar(run: Session, job: Acquisition, recording: Recording, keep: Sink) -> ScanOutcome:
+def _scan_with_bar(
+    run: Session, job: Acquisition, recording: Recording, sinks: Sequence[Subscription], following: Following | None
+) -> ScanOutcome:
     with output.progress() as bar:
         task = bar.add_task("scan", total=len(job.rows), note="")
 
         def show(line: ScanLine) -> None:
             found = int(line.has_range.sum())
             device_s = run.controller.bench.clock.now()
-            bar.update(task, advance=1, note=f"{found}/{len(line.flags)} points, device time {device_s:.0f} s")
+            pose = "" if following is None else f"; {following.note()}"
+            bar.update(task, advance=1, note=f"{found}/{len(line.flags)} points, device time {device_s:.0f} s{pose}")
 
-        all_lines = Subscription(keep, "result", every_line=True)
-        return run.controller.scan(job, recording, [all_lines, Subscription(show, "progress")])
+        return run.controller.scan(job, recording, [*sinks, Subscription(show, "progress")])
 
 
 def describe_scan(run: Session, job: Acquisition, cloud: Cloud, outcome: ScanOutcome) -> JsonObject:

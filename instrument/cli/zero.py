@@ -18,7 +18,17 @@ from picoradar.instrument.settings import Settings
 if TYPE_CHECKING:
     from picoradar.registration import Objection
 
-__all__ = ["PLATE", "check_of", "check_of_points", "described", "mark_for", "objections", "plate_now"]
+__all__ = [
+    "PLATE",
+    "check_of",
+    "check_of_points",
+    "described",
+    "mark_for",
+    "objections",
+    "objections_so_far",
+    "plate_now",
+    "zero_check_of",
+]
 
 NOT_SAID = (
     "Whether the range zero of these points was checked, {file} does not say. An error of it leaves no trace in the "
@@ -80,6 +90,12 @@ def objections(check: ZeroCheck | None) -> list[Objection]:
     from picoradar.registration import Objection
 
     return [] if check is None or check.passed else [Objection(check.sentence, fails=check.outcome == "failed")]
+
+
+def objections_so_far(recording: Recording) -> list[Objection]:
+    """Return the same while the scan is made: the reading after its last line is not missing yet."""
+    check = zero_check_of(recording)
+    return [] if check.outcome == "none" and recording.zero_readings() else objections(check)
 
 
 def _say(text: str) -> None:

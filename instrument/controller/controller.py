@@ -82,9 +82,9 @@ class Controller:
     def request(self, what: Request) -> None:
         """Ask for a way to stop, pause or go on; returns at once, safe from any thread or signal handler.
 
-        ``finish`` ends after the line in hand, ``pause`` likewise but can go on, ``abort`` ends at the next point and
-        drops the line in hand, ``interrupt`` is an abort by Ctrl-C or SIGTERM, ``emergency off`` ends at the next
-        point, switches the diode off too and latches ``fault``.
+        ``finish`` and ``registered`` (from a sink that knows enough) end after the line in hand; ``pause`` waits there,
+        and can go on. ``abort`` ends at the next point and drops the line in hand, ``interrupt`` is an abort by a
+        signal, ``emergency off`` ends at the next point, switches the diode off too and latches ``fault``.
         """
         self._requests.put(what)
 

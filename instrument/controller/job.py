@@ -92,7 +92,7 @@ class ScanOutcome:
     Attributes
     ----------
     stop_reason : str
-        ``complete``, ``finished early``, ``aborted``, ``interrupted``, or the cause of a fault.
+        ``complete``, ``finished early``, ``registered``, ``aborted``, ``interrupted``, or the cause of a fault.
     safe : SafeState
         What the safe shutdown found, step by step.
     lines, points : int

@@ -7,8 +7,10 @@ from typing import Literal
 
 from picoradar.instrument.errors import InterlockTripped
 
-Request = Literal["finish", "pause", "resume", "abort", "interrupt", "emergency off"]
-REASONS: dict[str, str] = {"abort": "aborted", "interrupt": "interrupted", "finish": "finished early"}
+Request = Literal["finish", "registered", "pause", "resume", "abort", "interrupt", "emergency off"]
+AFTER_LINE: dict[str, str] = {"finish": "finished early", "registered": "registered"}
+"""Reasons of the ends that come after a whole line, with the laser still on to check the range zero."""
+REASONS: dict[str, str] = {"abort": "aborted", "interrupt": "interrupted", **AFTER_LINE}
 
 
 class EndScan(Exception):
@@ -50,13 +52,9 @@ class Requests:
         Raises
         ------
         EndScan, InterlockTripped
-            As `at_point`, and `EndScan` for ``finish``.
+            As `at_point`, and `EndScan` for ``finish`` and ``registered``.
         """
-        asked = self._take()
-        for what in asked:
-            self._obey(what)
-        if "finish" in asked:
-            raise EndScan(REASONS["finish"])
+        asked = self._obeyed()
         return "pause" in asked and "resume" not in asked[asked.index("pause") :]
 
     def at_rest(self) -> bool:
@@ -67,12 +65,7 @@ class Requests:
         EndScan, InterlockTripped
             As `at_line`.
         """
-        asked = self._take()
-        for what in asked:
-            self._obey(what)
-        if "finish" in asked:
-            raise EndScan(REASONS["finish"])
-        return "resume" in asked
+        return "resume" in self._obeyed()
 
     def raise_emergency(self) -> None:
         """Obey an emergency off and leave everything else in the queue; for the end of a scan, which goes on anyhow.
@@ -104,6 +97,22 @@ class Requests:
         except EndScan:
             return True
         return False
+
+    def forget(self, what: Request) -> None:
+        """Take every request of a kind out of the queue."""
+        for asked in self._take():
+            if asked != what:
+                self.put(asked)
+
+    def _obeyed(self) -> list[Request]:
+        """Empty the queue, obey what ends a scan, and return what was asked."""
+        asked = self._take()
+        for what in asked:
+            self._obey(what)
+        for what in asked:
+            if what in AFTER_LINE:
+                raise EndScan(AFTER_LINE[what])
+        return asked
 
     def _take(self) -> list[Request]:
         """Empty the queue; an emergency off is obeyed before whatever was asked for earlier."""

@@ -10,7 +10,7 @@ from picoradar.instrument.controller.disk import lines_left, refuse_small_disk
 from picoradar.instrument.controller.ending import Ending
 from picoradar.instrument.controller.job import STATE_EVENT, SUPERVISION, LineStore, ScanJob, ScanOutcome, Sink, ZeroJob
 from picoradar.instrument.controller.recovery import LIMIT_S, LINK_ERRORS, apply_settings, reopen, waits
-from picoradar.instrument.controller.requests import REASONS, EndScan
+from picoradar.instrument.controller.requests import AFTER_LINE, EndScan
 from picoradar.instrument.controller.subscribers import Subscribers, Subscription
 from picoradar.instrument.errors import InterlockTripped
 from picoradar.instrument.line import ScanLine
@@ -46,8 +46,8 @@ class ScanRun:
         self._store = store
         self._subscribers = Subscribers(sinks, context.log, in_line=not self._clock.real_time)
         self._ending = Ending(context, store, self.outcome)
-        self._settled = False
-        self._zero_checked = self._has_mark = False
+        self._settled = self._zero_checked = self._has_mark = False
+        context.requests.forget("registered")  # that came too late for the scan before
 
     def run(self) -> ScanOutcome:
         """Take all lines; whatever happens, end with the safe shutdown and write its outcome down.
@@ -80,7 +80,7 @@ class ScanRun:
                 self._run_up(row)
                 self._keep(self._take(row))
         except EndScan as end:
-            if str(end) != REASONS["finish"] or self._context.machine.state != "scanning":
+            if str(end) not in AFTER_LINE.values() or self._context.machine.state != "scanning":
                 raise
             self.outcome.stop_reason = str(end)  # with the laser still on, so that the zero is checked as ever
 
@@ -139,7 +139,7 @@ class ScanRun:
                 self._unbroken(self._check_zero)
                 return
             except EndScan as end:
-                if str(end) != REASONS["finish"]:  # who asks for that now gets it: no line is left
+                if str(end) not in AFTER_LINE.values():  # who asks for that now gets it: no line is left
                     raise
 
     def _unbroken(self, step: Callable[[], T]) -> T:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import sqlite3
 from pathlib import Path
 from typing import Self
 
 from picoradar.instrument.events import JsonObject
-from picoradar.instrument.recording.database import create_database, open_database
-from picoradar.instrument.recording.errors import RecordingError
+from picoradar.instrument.recording import registration_rows
+from picoradar.instrument.recording.database import create_database, open_database, refuse_missing, to_one_file
+from picoradar.instrument.recording.errors import RecordingError, from_sqlite
 from picoradar.instrument.recording.header import canonical, complete_header
 from picoradar.instrument.recording.writer import Writer
 from picoradar.instrument.recording.writer_lock import WriterLock
@@ -97,6 +99,40 @@ class Recording(Writer):
             recording.event(last, "line taken out", line=line.index, problem=line.problem)
         recording.event(last, "resumed", stop_reason_before=before)
         return recording
+
+    def registrations(self) -> list[JsonObject]:
+        """Return what was registered while the scan was made, in order; mostly none or one.
+
+        Raises
+        ------
+        RecordingError
+            At a damaged one.
+        """
+        if not self._value(registration_rows.HAS_TABLE):
+            return []
+        found = self._rows(registration_rows.SELECT_REGISTRATIONS)
+        return [registration_rows.registration_of(self.path, row) for row in found]
+
+    @classmethod
+    def add_registration(cls, path: str | os.PathLike[str], content: JsonObject) -> None:
+        """Write into a recording that was closed what was registered from it.
+
+        Raises
+        ------
+        RecordingError
+            As `open`; if another program is writing to it, or it could not be written.
+        """
+        file = Path(path)
+        refuse_missing(file)
+        lock = WriterLock(file)
+        try:
+            with cls(file, open_database(file, writing=True), lock) as recording:
+                recording.append_registration(content)
+                to_one_file(recording._connection, file)
+        except (sqlite3.Error, OSError) as error:
+            raise from_sqlite(file, error) from error
+        finally:
+            lock.release()
 
 
 def open_recording(path: str | os.PathLike[str]) -> Recording:

@@ -18,6 +18,11 @@ from picoradar.instrument.recording.errors import READING_ERRORS, RecordingError
 from picoradar.instrument.recording.header import checked_header
 from picoradar.instrument.recording.names import remove_with_companions
 from picoradar.instrument.recording.recording import Recording
+from picoradar.instrument.recording.registration_rows import (
+    INSERT_REGISTRATION,
+    REGISTRATION_TABLE,
+    SELECT_ONE_REGISTRATION,
+)
 from picoradar.instrument.recording.zero_rows import INSERT_ZERO, SELECT_ONE_ZERO
 
 TABLES = ("line", "wave", "window", "echo")
@@ -82,6 +87,10 @@ def _copy(path: Path, source: sqlite3.Connection, new: Path) -> None:
             for reading in _numbered(source, SELECT_ONE_ZERO):  # one that is damaged is no check
                 with suppress(sqlite3.IntegrityError):
                     target.execute(INSERT_ZERO, reading)
+            for registration in _numbered(source, SELECT_ONE_REGISTRATION):
+                target.execute(REGISTRATION_TABLE)
+                with suppress(sqlite3.IntegrityError):
+                    target.execute(INSERT_REGISTRATION, registration)
     except BaseException as error:
         remove_with_companions(new)
         if isinstance(error, sqlite3.Error):

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import ScanLine, ZeroReading
-from picoradar.instrument.recording import rows, zero_rows
+from picoradar.instrument.recording import registration_rows, rows, zero_rows
 from picoradar.instrument.recording.database import checkpoint_if_long, to_one_file
 from picoradar.instrument.recording.errors import RecordingError, from_sqlite, primary_code
 from picoradar.instrument.recording.header import canonical
@@ -93,6 +94,21 @@ class Writer(Reader):
             raise RecordingError(self.path, f"the reading of the zero mark: {error}") from error
         with self._transaction():
             self._connection.execute(zero_rows.INSERT_ZERO, row)
+
+    def append_registration(self, content: JsonObject) -> None:
+        """Write what was registered from the lines that there are, with its digest (durable on return).
+
+        Raises
+        ------
+        RecordingError
+            If it could not be written.
+        """
+        lines = len(self.done)
+        try:
+            with self._transaction():
+                registration_rows.append_row(self._connection, content, lines)
+        except ValueError as error:
+            raise RecordingError(self.path, f"the registration: {error}") from error
 
     def event(self, time_s: float, kind: str, *, state: str | None = None, **fields: object) -> None:
         """Write down what happened (durable on return).

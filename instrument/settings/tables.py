@@ -197,6 +197,9 @@ class ScanSettings(Section):
         "sweep",
         description="sweep: the whole trace at every point; window: two short pieces, only the shots needed",
     )
+    order: Literal["rows", "interlaced"] = Field(
+        "rows", description="rows: from top to bottom; interlaced: every 16th line, then those between, coarse first"
+    )
     estimator: Method = Field(
         "half-maximum", description="how a trace becomes a range (window mode always uses template)"
     )

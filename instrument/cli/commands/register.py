@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from picoradar.instrument.cli import output
-from picoradar.instrument.cli.options import Json, parse_numbers
+from picoradar.instrument.cli.options import Json, LandmarksFile, TargetsFile, parse_numbers
 from picoradar.instrument.cli.register_inputs import read_regions, read_start, read_targets
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.events import JsonObject
@@ -55,12 +55,8 @@ def add_to(app: typer.Typer) -> None:
 def register(
     cloud: Annotated[Path, typer.Argument(help="Recording, or points as .ply .csv .xyz .npz (mm).")],
     model: Annotated[Path, typer.Argument(help="Mesh as .stl .ply .obj .glb .vtp (mm).")],
-    landmarks: Annotated[
-        Path | None, typer.Option(help='JSON list of {"scanner": [x,y,z], "model": [x,y,z], "name": ...}.')
-    ] = None,
-    targets: Annotated[
-        Path | None, typer.Option(help='JSON list of {"position": [x,y,z], "name": ...}, model frame, mm.')
-    ] = None,
+    landmarks: LandmarksFile = None,
+    targets: TargetsFile = None,
     exclude: Annotated[
         Path | None, typer.Option(help='JSON list of {"center": [x,y,z], "radius_mm": r}, model frame.')
     ] = None,
