@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +14,10 @@ from picoradar.instrument.acquisition.capture import MARK_RUNS, Capture, Devices
 from picoradar.instrument.acquisition.line import to_scan_line
 from picoradar.instrument.acquisition.line_size import refuse_enormous_lines
 from picoradar.instrument.acquisition.motion import MotionMonitor
+from picoradar.instrument.acquisition.order import LineOrder
 from picoradar.instrument.acquisition.plan import Plan
 from picoradar.instrument.acquisition.resumption import Resumption
-from picoradar.instrument.acquisition.row import Row
+from picoradar.instrument.acquisition.row import Row, TakenRows
 from picoradar.instrument.acquisition.zero_mark import MarkPlan
 from picoradar.instrument.controller import Between
 from picoradar.instrument.events import JsonObject
@@ -71,15 +72,17 @@ class Acquisition:
         self.shots = 0
         self._setup = setup
         self._mark = mark
-        self._rows = range(plan.rows) if rows is None else rows
+        self._order = LineOrder(plan.rows, setup.settings.scan.order if plan.step_mm is not None else "rows")
+        self._rows = self._order.sorted(range(plan.rows) if rows is None else rows)
         self._reference: tuple[float, float | None] = (0.0, None)
         revisit_s, line_s = capture.times_s(plan.columns)
         pointing_sd_mm = setup.calibration.pointing_sd_rad * setup.settings.scan.distance_mm
         self._motion = MotionMonitor(plan.rows, revisit_s, line_s, pointing_sd_mm)
-        self._before: Row | None = None
+        self._taken = TakenRows(self._order)
+        self._beside_next: Row | None = None
         self._row_before = -1
         self._states: dict[int, JsonObject] = {-1: self.state_dict()}
-        self._resumption = Resumption(self._states, math.ceil(capture.memory_s / line_s))
+        self._resumption = Resumption(self._states, self._order, math.ceil(capture.memory_s / line_s))
 
     @property
     def mode(self) -> str:
@@ -116,6 +119,7 @@ class Acquisition:
                 "columns": self.plan.columns,
                 **self.plan.header(),
                 "mode": self.capture.mode,
+                **({} if self._order.name == "rows" else {"order": self._order.name}),
                 "averages": settings.scan.averages,
                 "estimator": self.capture.estimator,
             },
@@ -134,7 +138,7 @@ class Acquisition:
 
     def state_dict(self) -> JsonObject:
         """Get what the next line needs to know of those before, as plain data."""
-        before = None if self._before is None else self._before.state_dict()
+        before = None if self._beside_next is None else self._beside_next.state_dict()
         return {"motion": self._motion.state_dict(), "before": before, **self.capture.state_dict()}
 
     def load_state(self, state: JsonObject) -> None:
@@ -142,16 +146,19 @@ class Acquisition:
         if "motion" in state:  # recordings of earlier versions have none
             self._motion.load_state(state["motion"])
         if before := state.get("before"):
-            self._before = Row.from_state(before)
+            self._beside_next = Row.from_state(before)
+            self._taken.add(self._beside_next)
         self.capture.load_state(state)
 
-    def resume_from(self, states: Mapping[int, JsonObject]) -> None:
-        """Take in the states recorded after the lines so far, by their numbers."""
+    def resume_from(self, states: Mapping[int, JsonObject], lines: Iterable[ScanLine] = ()) -> None:
+        """Take in the lines so far, and the states recorded after them, by their numbers."""
         self._states.update(states)
+        for line in lines:
+            self._taken.add(Row(line.index, LineBefore(line.range_mm, line.range_variance_mm2)))
 
     def goes_on_at(self, row: int) -> bool:
         """Get whether the row before was not taken just now, so that the scan goes on here after a stop."""
-        return row != self._row_before + 1
+        return self._order.last_before(row) != self._row_before
 
     def run_up(self, row: int) -> Sequence[int]:
         """Get the rows to take again, and to drop, before a row at which the scan goes on."""
@@ -220,9 +227,10 @@ class Acquisition:
         """Flag points whose spot does not lie on one surface, as far as this line and the one before show it."""
         if self.plan.step_mm is None:
             return ranges
-        before = self._before.ranges if self._before is not None and self._before.row == row - 1 else None
-        self._before = Row(row, LineBefore(ranges.range_mm, ranges.variance_mm2))
-        return mark_footprint(ranges, self.plan.step_mm, before)
+        beside = self._taken.beside(row)
+        self._taken.add(Row(row, LineBefore(ranges.range_mm, ranges.variance_mm2)))
+        self._beside_next = self._taken.beside_next(row)
+        return mark_footprint(ranges, self.plan.step_mm, None if beside is None else beside.ranges)
 
     def _motion_judged(self, row: int, ranges: Ranges, revisit: Ranges | None) -> Ranges:
         """Take the revisit in, and flag the line if the target has moved."""

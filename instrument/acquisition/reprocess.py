@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from picoradar.instrument.acquisition.line import reprocessed
+from picoradar.instrument.acquisition.order import LineOrder
+from picoradar.instrument.acquisition.row import Row, TakenRows
 from picoradar.instrument.acquisition.window_ranging import range_line
 from picoradar.instrument.acquisition.zero_check import PLATE, plate_age_h
 from picoradar.instrument.calibration import Calibration, Method, Ranging
@@ -63,10 +65,12 @@ def reprocess(
         if PLATE in header:
             header[PLATE] = {**header[PLATE], "age_h": plate_age_h(old)}
         with Recording.create(target, header) as new:
-            before: ScanLine | None = None
-            for line in old.lines():
-                ranged = _range_line(old, line, before, estimator, used)
-                before = ranged
+            taken = TakenRows(LineOrder(old.raster["rows"], old.raster.get("order", "rows")))
+            for row in taken.order.sorted(old.done):
+                beside = taken.beside(row)
+                before = None if beside is None else beside.ranges
+                ranged = _range_line(old, old.line(row), before, estimator, used)
+                taken.add(Row(row, LineBefore(ranged.range_mm, ranged.range_variance_mm2)))
                 new.append(ranged)
                 if on_line is not None:
                     on_line(ranged)
@@ -79,13 +83,11 @@ def reprocess(
 
 
 def _range_line(
-    recording: Recording, line: ScanLine, before: ScanLine | None, method: Method, calibration: Calibration
+    recording: Recording, line: ScanLine, before: LineBefore | None, method: Method, calibration: Calibration
 ) -> ScanLine:
     ranges = _ranges_of(recording, line, method, calibration)
     if (step_mm := recording.raster.get("step_mm")) is not None:  # else it is no raster
-        known = before is not None and before.index == line.index - 1
-        last = LineBefore(before.range_mm, before.range_variance_mm2) if before is not None and known else None
-        ranges = mark_footprint(ranges, step_mm, last)
+        ranges = mark_footprint(ranges, step_mm, before)
     # Whether the target moved is known from revisits of one point, which are not in the line.
     flags = ranges.flags | (line.flags & np.uint16(Flag.MOTION))
     return reprocessed(line, replace(ranges, flags=flags), calibration)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from picoradar.instrument.acquisition.order import LineOrder
 from picoradar.instrument.events import JsonObject
 
 
@@ -18,19 +19,21 @@ class Resumption:
     ----------
     states : mapping of int to dict
         The state recorded after each line (`Acquisition.state_dict`), by its number; -1 is the state before the first.
+    order : LineOrder
     lines : int
         How many lines back a motion of the mirrors still shows.
     """
 
-    def __init__(self, states: Mapping[int, JsonObject], lines: int) -> None:
+    def __init__(self, states: Mapping[int, JsonObject], order: LineOrder, lines: int) -> None:
         self._states = states
+        self._order = order
         self._lines = lines
 
     def rows_before(self, row: int) -> Sequence[int]:
         """Return the lines to take again before ``row``; none where it is not known what was known before them."""
-        first = max(0, row - self._lines)
-        return range(first, row) if all(again - 1 in self._states for again in range(first, row + 1)) else ()
+        before = self._order.before(row, self._lines)
+        return before if all(self._order.last_before(again) in self._states for again in (*before, row)) else ()
 
     def state_before(self, row: int) -> JsonObject:
         """Return the state recorded after the line before ``row``; empty where there is none."""
-        return self._states.get(row - 1, {})
+        return self._states.get(self._order.last_before(row), {})

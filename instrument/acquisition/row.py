@@ -1,19 +1,20 @@
-"""`Row`: what the next line of a raster needs to know of the last one."""
+"""`Row` and `TakenRows`: what a line of a raster needs to know of those beside it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from picoradar.instrument.acquisition.order import LineOrder
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.ranging import LineBefore
 
 
 @dataclass(frozen=True)
 class Row:
-    """The last line of a raster."""
+    """A line of a raster."""
 
     row: int
     ranges: LineBefore
@@ -34,3 +35,31 @@ class Row:
         known = state.get("variance_mm2")
         variance_mm2: NDArray[np.float64] = np.zeros_like(range_mm) if known is None else np.array(known, np.float64)
         return cls(state["row"], LineBefore(range_mm, variance_mm2))
+
+
+@dataclass
+class TakenRows:
+    """The ranges of the lines so far.
+
+    Attributes
+    ----------
+    order : LineOrder
+    ranges : dict of int to LineBefore
+    """
+
+    order: LineOrder
+    ranges: dict[int, LineBefore] = field(default_factory=dict)
+
+    def add(self, row: Row) -> None:
+        """Take a line in."""
+        self.ranges[row.row] = row.ranges
+
+    def beside(self, row: int) -> Row | None:
+        """Return a neighbour of a row that was taken before it; None where there is none."""
+        return next((Row(near, self.ranges[near]) for near in self.order.beside(row) if near in self.ranges), None)
+
+    def beside_next(self, row: int) -> Row | None:
+        """Return the neighbour of the row after this one; where it has none, this one."""
+        following = self.order.next_after(row)
+        found = None if following is None else self.beside(following)
+        return Row(row, self.ranges[row]) if found is None and row in self.ranges else found

@@ -93,7 +93,8 @@ def _remember(job: Acquisition, recording: Recording) -> None:
     """Hand over what was known after each line, and try now, before there is light, that it can be used."""
     states = {event.fields.get("line"): event.fields for event in recording.events() if event.kind == STATE_EVENT}
     try:
-        job.resume_from({line: states[line] for line in recording.done if line in states})
+        known = {line: states[line] for line in recording.done if line in states}
+        job.resume_from(known, recording.lines(traces=False))
         for row in recording.missing:
             job.recall(row)
     except DECODER_ERRORS as error:

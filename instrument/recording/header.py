@@ -137,7 +137,7 @@ def checked_header(header: JsonObject) -> JsonObject:
     for name in ("step_mm", "distance_mm", "interval_s", "averages"):
         if not _is_number(raster.get(name, 0)):
             raise ValueError(f"raster.{name} of the header is {raster[name]!r}, not a number")
-    for name in ("plan", "mode", "estimator"):
+    for name in ("plan", "mode", "estimator", "order"):
         if not isinstance(raster.get(name, ""), str):
             raise ValueError(f"raster.{name} of the header is {raster[name]!r}, not a word")
     for name in ("settings", "calibration", "scanner", "versions", "trace", "range_error"):
