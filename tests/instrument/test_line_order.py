@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -28,7 +30,7 @@ def test_every_line_is_taken_once_and_any_beginning_lies_evenly(rows: int, first
     if first >= whole_passes:  # the first pass reaches to the other end
         assert max(gaps) <= COARSEST
         halved = sorted(order.lines[: -(-rows // (COARSEST // 2))])
-        assert {b - a for a, b in zip(halved, halved[1:], strict=False)} <= {COARSEST // 2}
+        assert {b - a for a, b in itertools.pairwise(halved)} <= {COARSEST // 2}
 
 
 @given(ROWS, st.sampled_from(["rows", "interlaced"]))

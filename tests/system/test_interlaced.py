@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from pathlib import Path
 
@@ -57,7 +58,7 @@ def test_lines_are_taken_coarse_first_and_keep_their_rows(whole: Path) -> None:
     assert tuple(line.index for line in sorted(lines, key=lambda line: line.device_time_s)) == expected
     assert tuple(events) == expected
     y_mm = [float(np.nanmean(line.points_mm[:, 1])) for line in lines]
-    assert all(below < above for above, below in zip(y_mm, y_mm[1:], strict=False))  # rows go from top to bottom
+    assert all(below < above for above, below in itertools.pairwise(y_mm))  # rows go from top to bottom
 
 
 @pytest.mark.parametrize("pulse", [4000, 9500])

@@ -48,8 +48,12 @@ def info(
         output.print_json(result)
     else:
         shown = ("lines", "lines_ok", "complete", "stop_reason", "seed", "raster", "range_error", "scanner", "versions")
-        told = {"two echoes": f"told apart at {result['two_echoes']} places", "range zero": zero_words(result)}
-        output.print_table(str(recording), {**{k: result[k] for k in shown}, **told})
+        words = {
+            "two echoes": f"told apart at {result['two_echoes']} places",
+            "range zero": zero_words(result),
+            "registration": registration_words(result),
+        }
+        output.print_table(str(recording), {**{k: result[k] for k in shown}, **words})
         for line in bad:
             output.console().print(f"line {line['line']}: {line['problem']}")
     if bad:
@@ -59,6 +63,15 @@ def info(
 def zero_words(described: Mapping[str, object]) -> str:
     """Return what the check of the range zero has found, in words."""
     return str(cast("dict[str, object]", described["zero_check"])["sentence"])
+
+
+def registration_words(described: Mapping[str, object]) -> str:
+    """Return what was registered while the scan was made, in words."""
+    found = cast("dict[str, object] | None", described["registration"])
+    if found is None:
+        return "none while it was made; picoradar register makes one"
+    reasons = " ".join(cast("list[str]", found["reasons"]))
+    return f"{found['verdict']}, of {found['lines_recorded']} lines, to {found['model']}: {reasons}"
 
 
 def describe_recording(scan: Recording) -> dict[str, object]:
@@ -81,5 +94,6 @@ def describe_recording(scan: Recording) -> dict[str, object]:
         "scanner": header.get("scanner"),
         "two_echoes": int(scan.cloud(skip_damaged=True).with_range().two_echoes.sum()),
         "zero_check": zero_check_of(scan).to_dict(),
+        "registration": next(reversed(scan.registrations()), None),
         "damaged": damaged,
     }
