@@ -2,6 +2,7 @@
 
 python benchmarks/registration/live.py --seeds 10                  # hip socket in window mode, rows and interlaced
 python benchmarks/registration/live.py --seeds 10 --world clinic
+python benchmarks/registration/live.py --example 1                 # what is known after each line, beside the truth
 
 Each scan is registered to the bare bone from anywhere while it is made. First it ends by itself: device time from
 laser on to the verdict, errors stated and true at the socket's centre. Then all its lines are taken: CPU time of a line
@@ -106,12 +107,36 @@ def followed(lines: list[Any], model: Model, range_bias_mm: float) -> dict[str, 
     }  # fmt: skip
 
 
+def example(seed: int, world: str) -> None:
+    """Print what is known after each line of an interlaced scan."""
+    model = prepare_model(hip().vertices, hip().faces)
+    described, lines, truth = scan(seed, "interlaced", world, None)
+    live = LiveRegistration(model, targets=TARGETS, range_bias_mm=described["range_error"]["sd_mm"])
+    print("line  row  points  stage     verdict  rotation, deg    socket centre, mm")
+    print("                                      predicted  true  predicted   true")
+    for number, line in enumerate(lines, start=1):
+        found = live.add(line)
+        text = f"{number:4} {line.index:4} {live.result.points:7}  {live.result.stage:9}"
+        if found is None:
+            print(f"{text} {live.result.why}")
+            continue
+        error = pose_error(found.model_from_scanner, truth, np.array(SOCKET_CENTRE_MM))
+        print(
+            f"{text} {found.verdict:8} {found.predicted_rotation_deg:8.2f} {error.rotation_deg:6.2f}"
+            f" {found.targets[0].rms_mm:9.3f} {error.translation_mm:7.3f}"
+        )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--first", type=int, default=101)
     parser.add_argument("--world", default="dissertation")
+    parser.add_argument("--example", type=int, help="seed of one scan, line by line")
     asked = parser.parse_args()
+    if asked.example is not None:
+        example(asked.example, asked.world)
+        return
     model = prepare_model(hip().vertices, hip().faces)
     for order in ("rows", "interlaced"):
         ends, costs = [], []

@@ -13,8 +13,18 @@ from hypothesis import strategies as st
 
 from picoradar.registration import Model, PointsError, Registration, RegistrationError, pose_error, register
 from picoradar.registration.live import Line, LiveRegistration, tre_mm
-from picoradar.registration.se3 import inverse, pose, rotation_from_vector, transform, vector_from_rotation
-from picoradar.registration.settings import LiveSettings
+from picoradar.registration.register.live.tracking import Tracker
+from picoradar.registration.scan import checked_scan
+from picoradar.registration.se3 import (
+    inverse,
+    pose,
+    rotation_from_vector,
+    small_motion,
+    transform,
+    vector_from_rotation,
+)
+from picoradar.registration.settings import LiveSettings, RobustSettings
+from picoradar.registration.solution import Rival
 
 CENTRE = [0.0, 0.0, 0.0]
 TARGETS = [{"name": "centre", "position": CENTRE}]
@@ -257,3 +267,25 @@ def test_lines_without_any_echo_change_nothing_but_the_count(socket: Model, scan
     assert live.result.points == plain.result.points
     assert live.result.searches == plain.result.searches
     np.testing.assert_array_equal(live.result.model_from_scanner, plain.result.model_from_scanner)
+
+
+def test_rivals_are_watched_and_the_likelier_one_comes_to_light(socket: Model, scan_of: Callable[..., Any]) -> None:
+    scan = scan_of(socket, seed=13)
+    tracker = Tracker(socket, None, None, np.empty((0, 4)), RobustSettings(), LiveSettings())
+    measured = checked_scan(scan.points, grid=scan.grid)
+    right = tracker.searched(measured)
+    centre = np.asarray(transform(right.model_from_scanner, scan.points).mean(axis=0))
+    turn = small_motion(np.array([0.0, 0.0, 0.6, 0.0, 0.0, 0.0]), centre)
+    wrong = dataclasses.replace(right, model_from_scanner=turn @ right.model_from_scanner)
+    believed = Rival(right.model_from_scanner, wrong.cost + 0.01, 34.0, 0.0)
+    slid = Rival(turn @ right.model_from_scanner, right.cost + 0.01, 34.0, 0.0)
+    hopeless = Rival(right.model_from_scanner, right.cost + 1.0, 34.0, 0.0)
+
+    (seen,) = tracker.watched(measured, dataclasses.replace(wrong, rivals=[believed]), 0).rivals
+    assert seen.cost < wrong.cost  # the pose that is followed is the rival's rival
+    (seen,) = tracker.watched(measured, dataclasses.replace(right, rivals=[slid]), 0).rivals
+    assert seen.cost > right.cost + 0.05
+    assert seen.rotation_deg == pytest.approx(34.4, abs=3.0)
+    assert tracker.watched(measured, dataclasses.replace(right, rivals=[hopeless]), 0).rivals == [hopeless]
+    twin = Rival(small_motion(np.full(6, 1e-4), centre) @ right.model_from_scanner, right.cost + 0.01, 0.1, 0.1)
+    assert tracker.watched(measured, dataclasses.replace(right, rivals=[twin]), 0).rivals == []
