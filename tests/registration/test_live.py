@@ -147,11 +147,14 @@ def test_a_patient_who_moved_is_found_again(socket: Model, scan_of: Callable[...
     points[after] = transform(moved, points[after] - centre) + centre
     back = inverse(moved)
     truth = scan.truth @ pose(back[:3, :3], back[:3, 3] + centre - back[:3, :3] @ centre)
-    live = LiveRegistration(socket)
+    live, whys = LiveRegistration(socket), {}
     for line in lines_of(points, scan.grid):
         live.add(line)
+        whys[line.index] = live.result.why
         if line.index == 11:
             before = live.result
+    assert any("last lines" in why for row, why in whys.items() if row < 20)  # soon, while most of the old points fit
+    assert not any("last lines" in why for row, why in whys.items() if row < 12)
     assert before.searches == 1
     assert before.registration is not None
     assert pose_error(before.registration.model_from_scanner, scan.truth, np.zeros(3)).translation_mm < 0.5
