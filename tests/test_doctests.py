@@ -12,11 +12,13 @@ import picoradar
 from picoradar import registration
 from picoradar.instrument import ranging
 from picoradar.instrument.cli.main import run
+from picoradar.registration.live import LiveRegistration
 
 pytestmark = pytest.mark.timeout(240)
 FRONT = {
     "picoradar.instrument.ranging.estimate": ranging.estimate,
     "picoradar.instrument.recording.open_recording": picoradar.open_recording,
+    "picoradar.registration.live.LiveRegistration": LiveRegistration,
     "picoradar.registration.load_model": registration.load_model,
     "picoradar.registration.paired_points": registration.paired_points,
     "picoradar.registration.prepare_model": registration.prepare_model,

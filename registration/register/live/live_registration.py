@@ -65,12 +65,24 @@ class LiveRegistration:
 
     Examples
     --------
+    Three sides of a wedge, as in the example of `register`, 30 points a line; nothing is known of the pose.
+
+    >>> import numpy as np
+    >>> from picoradar import prepare_model
     >>> from picoradar.registration.live import Line, LiveRegistration
-    >>> follow = LiveRegistration(model, targets=[[0.0, 0.0, 0.0]], range_bias_mm=0.1)  # doctest: +SKIP
-    >>> for line in lines:  # doctest: +SKIP
-    ...     follow.add(line)
-    >>> follow.confirm().verdict  # doctest: +SKIP
-    'pass'
+    >>> corners = np.array([[0.0, 0, 0], [60, 0, 0], [0, 40, 0], [10, 10, 50]])
+    >>> sides = [[0, 1, 3], [1, 2, 3], [2, 0, 3]]
+    >>> model = prepare_model(corners, [[0, 2, 1], *sides])
+    >>> shares = np.random.default_rng(1).dirichlet(np.ones(3), size=(3, 150))
+    >>> points = np.einsum("fnk,fkd->fnd", shares, corners[sides]).reshape(-1, 3) + [5, -3, 800]
+    >>> live = LiveRegistration(model, origin=[25, -100, 2000], range_bias_mm=0.1)
+    >>> for row in range(15):
+    ...     found = live.add(Line(row, np.arange(30), points[row::15]))
+    ...     print(live.result.points, live.result.verdict) if row in (0, 14) else None
+    30 None
+    450 pass
+    >>> np.abs(live.confirm().model_from_scanner[:3, 3] - [-5, 3, -800]).max() < 0.01
+    np.True_
     """
 
     def __init__(self, model: Model, *, live: LiveSettings | None = None, **options: Unpack[RegisterOptions]) -> None:
