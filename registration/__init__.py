@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from picoradar.registration.classic import DissertationSettings
 from picoradar.registration.errors import DegenerateError, MeshError, PointsError, RegistrationError, StartError
+from picoradar.registration.live import LiveRegistration
 from picoradar.registration.model import Model, load_model, prepare_model
 from picoradar.registration.paired_points import PairedPoints, paired_points
 from picoradar.registration.register import check_targets, register
@@ -21,6 +22,7 @@ __all__ = [
     "DegenerateError",
     "DissertationSettings",
     "Landmarks",
+    "LiveRegistration",
     "MeshError",
     "Model",
     "Objection",

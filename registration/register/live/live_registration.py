@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypedDict, Unpack
+from typing import Unpack
 
 import numpy as np
-import numpy.typing as npt
 
 from picoradar.registration._types import BoolArray
 from picoradar.registration.errors import RegistrationError
@@ -16,29 +15,16 @@ from picoradar.registration.refine import excluded_regions
 from picoradar.registration.register.batch import USUAL, check_noise, check_range_bias, check_targets, register
 from picoradar.registration.register.live.cloud import GrowingCloud
 from picoradar.registration.register.live.line import MeasuredLine
+from picoradar.registration.register.live.options import RegisterOptions
 from picoradar.registration.register.live.readiness import what_is_lacking
 from picoradar.registration.register.live.result import LiveResult, Stage
 from picoradar.registration.register.live.tracking import Tracker
 from picoradar.registration.scan import Scan
-from picoradar.registration.search import Start, checked_start
-from picoradar.registration.settings import LiveSettings, RobustSettings
+from picoradar.registration.search import checked_start
+from picoradar.registration.settings import LiveSettings
 from picoradar.registration.solution import Solution
 from picoradar.registration.trust import Objection, Registration, RegistrationRequest, Tolerance
 from picoradar.registration.trust.assess import assess
-
-
-class RegisterOptions(TypedDict, total=False):
-    """Keyword arguments of :func:`registration.register` that a live registration takes, too."""
-
-    start: Start
-    origin: npt.ArrayLike
-    targets: npt.ArrayLike | Sequence[dict[str, object]] | None
-    noise_mm: float | None
-    range_bias_mm: float | None
-    exclude: Sequence[Mapping[str, object]] | None
-    tolerance: Tolerance | None
-    objections: Sequence[Objection]
-    settings: RobustSettings
 
 
 class LiveRegistration:

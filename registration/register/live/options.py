@@ -1,0 +1,26 @@
+"""`RegisterOptions`: what a live registration is asked, in the words of `register`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TypedDict
+
+import numpy.typing as npt
+
+from picoradar.registration.search import Start
+from picoradar.registration.settings import RobustSettings
+from picoradar.registration.trust import Objection, Tolerance
+
+
+class RegisterOptions(TypedDict, total=False):
+    """Keyword arguments of :func:`registration.register` that a live registration takes, too."""
+
+    start: Start
+    origin: npt.ArrayLike
+    targets: npt.ArrayLike | Sequence[dict[str, object]] | None
+    noise_mm: float | None
+    range_bias_mm: float | None
+    exclude: Sequence[Mapping[str, object]] | None
+    tolerance: Tolerance | None
+    objections: Sequence[Objection]
+    settings: RobustSettings
