@@ -49,6 +49,24 @@ def test_any_way_to_end_stops_work_without_light() -> None:
     assert not asked().stop_asked()
 
 
+@pytest.mark.parametrize(("what", "reason"), [("finish", "finished early"), ("registered", "registered")])
+def test_ends_after_a_line_wait_for_it_and_end_a_pause_too(what: str, reason: str) -> None:
+    requests = asked(what)
+    requests.at_point()
+    with pytest.raises(EndScan, match=reason):
+        requests.at_line()
+    with pytest.raises(EndScan, match=reason):
+        asked(what).at_rest()
+    assert asked(what).stop_asked()
+
+
+def test_one_kind_is_forgotten_and_the_others_stay_in_their_order() -> None:
+    requests = asked("registered", "pause", "registered", "resume")
+    requests.forget("registered")
+    assert requests.at_line() is False
+    assert not requests.waiting()
+
+
 def test_any_thread_may_ask() -> None:
     requests = Requests()
     threads = [threading.Thread(target=requests.put, args=("pause",)) for _ in range(8)]

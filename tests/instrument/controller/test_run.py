@@ -61,6 +61,28 @@ def test_what_was_asked_for_is_obeyed_at_its_point(script: Any, way: str, lines:
     assert script.told("finish")[0][:2] == (outcome.stop_reason, True)
 
 
+def test_a_sink_that_knows_enough_ends_the_scan_after_its_line(script: Any) -> None:
+    seen: list[int] = []
+
+    def sink(line: Any) -> None:
+        seen.append(line.index)
+        if line.index == 1:
+            script.requests.put("registered")
+
+    outcome = script.run(sink).run()
+    assert (outcome.stop_reason, outcome.lines, seen) == ("registered", 2, [0, 1])
+    assert script.told("event")[-1][3] == VERIFIED
+    assert script.told("finish")[0][:2] == ("registered", True)
+    assert script.machine.state == "ready"
+
+
+def test_what_a_sink_asked_for_too_late_does_not_end_the_next_scan(script: Any) -> None:
+    script.requests.put("registered")
+    assert script.run().run().stop_reason == "complete"
+    script.requests.put("finish")  # a person who asked before the scan gets it
+    assert script.run().run().stop_reason == "finished early"
+
+
 def test_memory_is_stored_before_the_line_that_it_belongs_to(script: Any) -> None:
     script.memory = {"reference": 7400.0}
     script.run().run()
