@@ -3,6 +3,7 @@
 python benchmarks/registration/live.py --seeds 10                  # hip socket in window mode, rows and interlaced
 python benchmarks/registration/live.py --seeds 10 --world clinic
 python benchmarks/registration/live.py --example 1                 # what is known after each line, beside the truth
+python benchmarks/registration/live.py --synthetic 60              # wrong ends, under tissue, without an instrument
 
 Each scan is registered to the bare bone from anywhere while it is made. First it ends by itself: device time from
 laser on to the verdict, errors stated and true at the socket's centre. Then all its lines are taken: CPU time of a line
@@ -27,15 +28,20 @@ sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
 
 import numpy as np  # noqa: E402 - threads must be limited first
 from bench_scans import structlog  # noqa: E402 - quiet
+from synthetic_scans import scan as synthetic_scan  # noqa: E402
 
+from picoradar.instrument.acquisition.order import LineOrder  # noqa: E402
 from picoradar.instrument.cli import scanning, session  # noqa: E402
 from picoradar.instrument.cli.following import Asked  # noqa: E402
 from picoradar.instrument.recording import Recording  # noqa: E402
 from picoradar.instrument.settings import Settings, override  # noqa: E402
 from picoradar.registration import Model, Registration, pose_error, prepare_model, register  # noqa: E402
-from picoradar.registration.live import LiveRegistration  # noqa: E402
+from picoradar.registration.live import Line, LiveRegistration  # noqa: E402
 from picoradar.registration.se3 import inverse, transform, vector_from_rotation  # noqa: E402
-from picoradar.sim.physics import SOCKET_CENTRE_MM, hip  # noqa: E402
+from picoradar.sim.physics import SOCKET_AXIS, SOCKET_CENTRE_MM, hip  # noqa: E402
+
+TISSUE_SHARES = (0.0, 0.3, 0.6)
+"""Shares of the socket that clumps of tissue cover."""
 
 BATCHES = 5
 """Batch registrations whose median time counts."""
@@ -107,6 +113,34 @@ def followed(lines: list[Any], model: Model, range_bias_mm: float) -> dict[str, 
     }  # fmt: skip
 
 
+def synthetic(count: int) -> None:
+    """Print how many scans by ray casting end by themselves, and how many of these ends are wrong."""
+    model, centre = prepare_model(hip().vertices, hip().faces), np.array(SOCKET_CENTRE_MM)
+    for tissue in TISSUE_SHARES:
+        for order in ("rows", "interlaced"):
+            shares, turns, wrong = [], [], 0
+            for seed in range(count):
+                made = synthetic_scan(model, centre, np.array(SOCKET_AXIS), seed, tissue=tissue)
+                live = LiveRegistration(model, targets=TARGETS, range_bias_mm=0.13)
+                grid = made.grid - made.grid.min(axis=0)
+                for row in LineOrder(int(grid[:, 0].max()) + 1, order).lines:
+                    on = grid[:, 0] == row
+                    live.add(Line(row, grid[on, 1], made.points[on]))
+                    if live.reaches(0.3):
+                        found = live.result
+                        error = pose_error(found.model_from_scanner, made.truth, centre)
+                        shares.append(found.points / len(grid))
+                        turns.append(error.rotation_deg / found.registration.predicted_rotation_deg)
+                        wrong += error.rotation_deg > 1.0 or error.translation_mm > 1.0
+                        break
+            rms = float(np.sqrt(np.mean(np.square(turns))))
+            print(
+                f"{tissue:.0%} tissue, {order}: {len(shares)} of {count} end, {wrong} wrong, after "
+                f"{np.median(shares):.2f} of the points (median); rotation actual / predicted {rms:.2f} (rms)",
+                flush=True,
+            )
+
+
 def example(seed: int, world: str) -> None:
     """Print what is known after each line of an interlaced scan."""
     model = prepare_model(hip().vertices, hip().faces)
@@ -133,7 +167,11 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=101)
     parser.add_argument("--world", default="dissertation")
     parser.add_argument("--example", type=int, help="seed of one scan, line by line")
+    parser.add_argument("--synthetic", type=int, help="scans by ray casting, for each share of tissue and order")
     asked = parser.parse_args()
+    if asked.synthetic is not None:
+        synthetic(asked.synthetic)
+        return
     if asked.example is not None:
         example(asked.example, asked.world)
         return

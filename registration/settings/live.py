@@ -21,8 +21,8 @@ class LiveSettings:
     retry_growth: float = 1.25
     """After a search the points grow by this factor before the next one, so that all together cost a few searches."""
 
-    follow_growth: float = 1.08
-    """The pose is refined when the points have grown by this factor: that takes a twenty-fifth off its errors."""
+    follow_growth: float = 1.1
+    """The pose is refined when the points have grown by this factor: that takes a twentieth off its errors."""
 
     followed_points: int = 1500
     """The pose follows about so many points, evenly spread: as many as the candidates of a search are compared on."""
