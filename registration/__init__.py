@@ -15,12 +15,13 @@ from picoradar.registration.register import check_targets, register
 from picoradar.registration.search import Cone, Landmarks
 from picoradar.registration.settings import PreparationSettings, RobustSettings
 from picoradar.registration.solution import Rival, pose_error, residual_measures
-from picoradar.registration.trust import Objection, Registration, Target, Tolerance
+from picoradar.registration.trust import ErrorBudget, Objection, Registration, Target, Tolerance
 
 __all__ = [
     "Cone",
     "DegenerateError",
     "DissertationSettings",
+    "ErrorBudget",
     "Landmarks",
     "LiveRegistration",
     "MeshError",

@@ -41,8 +41,8 @@ def information(rows: FloatArray, sigma_mm: FloatArray) -> FloatArray:
 
 
 def weighted_squares(rows: FloatArray, weight: FloatArray) -> FloatArray:
-    """Sum ``w_i g_i g_i^T`` (6, 6) of `rows` (N, 6) with weights (N,)."""
-    total = np.zeros((6, 6))
+    """Sum ``w_i g_i g_i^T`` (K, K) of `rows` (N, K) with weights (N,)."""
+    total = np.zeros((rows.shape[1], rows.shape[1]))
     for first in range(0, len(rows), BLOCK_ROWS):
         some = rows[first : first + BLOCK_ROWS]
         total += (some * weight[first : first + BLOCK_ROWS, None]).T @ some

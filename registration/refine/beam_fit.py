@@ -35,6 +35,8 @@ class BeamFit:
         Residuals of the bone points, step by step.
     log_likelihood : float
         Mean a point; minus infinity when too few points are left.
+    observed : (N,) array or None
+        Weight of each point in the information observed [eq. 10], 1/mm^2; None where too few points are left.
     """
 
     model_from_scanner: FloatArray
@@ -43,6 +45,7 @@ class BeamFit:
     noise: NoiseModel
     history: list[Iteration]
     log_likelihood: float
+    observed: FloatArray | None = None
 
     def closest(self, scan: Scan, surface: Surface) -> Closest:
         """Where the beams meet the model, and the closest points of those that miss it.
@@ -122,7 +125,8 @@ class BeamFitter:
         sigma = noise.plane_sigma(self.scan, pose[:3, :3], beams.normals)
         _, inliers = beams.bone(residual, sigma, self.around)
         likelihood = beams.likelihood(residual, sigma, self.around)  # [eq. 11]
-        return BeamFit(pose, beams.met(residual), inliers, noise, history, likelihood)
+        observed = beams.observed(residual, sigma, self.around)
+        return BeamFit(pose, beams.met(residual), inliers, noise, history, likelihood, observed)
 
     def likelihood_at(self, pose: FloatArray, noise: NoiseModel, allowed: BoolArray) -> float:
         """Mean log likelihood a point [eq. 11] of a pose (4, 4) as it is."""

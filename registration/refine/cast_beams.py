@@ -17,7 +17,7 @@ import numpy as np
 from picoradar.registration._types import BoolArray, Float32Array, FloatArray, IntArray, Neighbours
 from picoradar.registration.least_squares import damped_step, plane_rows, weighted_squares
 from picoradar.registration.model import Closest, Surface
-from picoradar.registration.scan import Scan, bone_probability, log_likelihood
+from picoradar.registration.scan import Scan, bone_probability, log_likelihood, observed_share
 from picoradar.registration.se3 import transform
 from picoradar.registration.settings import BeamFitSettings, TissueSettings
 
@@ -137,6 +137,11 @@ class CastBeams:
         if self.open_model:
             along[self.faces < 0] = self.tissue.residual_outside_mm
         return float(log_likelihood(along, self._along(sigma), around, self.tissue).mean(dtype=np.float64))
+
+    def observed(self, residual: FloatArray, sigma: FloatArray, around: Neighbours) -> FloatArray:
+        """Weights (N,), 1/mm^2, of the rows in the information that the points carry, doubt about tissue included."""
+        share = observed_share(self._along(residual), self._along(sigma), around, self.tissue)
+        return np.asarray(share * self.usable / sigma**2, dtype=np.float64)
 
     def motion_mm(self, x: FloatArray) -> float:
         """Root mean square shift of the points by the motion `x` (6,): of their second moments, for it is linear."""

@@ -71,4 +71,5 @@ def without_dark_points(
         history=[*solution.history, *near.history, *fit.history],
         noise=fit.noise,
         alternatives=near.alternatives,
+        observed=fit.observed,
     )

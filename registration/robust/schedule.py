@@ -15,9 +15,9 @@ from picoradar.registration.model import Closest, Model
 from picoradar.registration.refine import (
     BeamFit,
     BeamFitter,
-    along_weak_mode,
     alternatives_at,
     alternatives_of,
+    beside_weak,
     edge_forgiving_likelihood,
     outside_regions,
     shallow_poses,
@@ -102,9 +102,9 @@ class _Fits:
         fits = [self.fitted(start, scan) for start in starts]
         if self.edges:  # what is nearly as likely beside the likeliest may lead to a likelier minimum [eq. 14]
             fits += [self.fitted(pose, scan) for pose, _ in self.shallow(max(fits, key=_log_likelihood))]
-        # 4. Along the weak mode of the likeliest [eq. 12].
+        # 4. Beside the likeliest, where its rotation is held weakly [eq. 12].
         likeliest = max(fits, key=_log_likelihood)
-        walk = along_weak_mode(likeliest, scan, lambda pose: self.fitted(pose, scan), settings.weak_mode)
+        walk = beside_weak(likeliest, scan, lambda pose: self.fitted(pose, scan), settings.weak_mode)
         # 5. The likeliest of all is the pose [eq. 11]; other minima are its rivals.
         best = max(walk, key=_log_likelihood)
         offset = fits[0].log_likelihood - candidates[0].log_likelihood  # of fits over distance fields
@@ -113,7 +113,8 @@ class _Fits:
         ends += [(c.model_from_scanner, c.log_likelihood + offset) for c in others]
         # 6. What the judgement needs to know.
         independent = min(len(scan), settings.tissue.independent_points)
-        alternatives = alternatives_of(best, walk, independent, settings.weak_mode)
+        others_of_best = [end for end in ends if end[0] is not best.model_from_scanner]
+        alternatives = alternatives_of(best, others_of_best, scan, independent, settings.weak_mode)
         if self.edges:
             alternatives += alternatives_at(self.shallow(best), independent, settings.weak_mode.e_fold_nats)
         closest = best.closest(scan, self.search.model.surface)
@@ -131,6 +132,7 @@ class _Fits:
             alternatives=alternatives,
             edges=self.edges,
             beside_share=self.beside_share(best, closest),
+            observed=best.observed,
         )
 
     def fitted(self, start: FloatArray, scan: Scan) -> BeamFit:

@@ -11,7 +11,7 @@ from picoradar.registration.scan.noise import (
 from picoradar.registration.scan.points import MIN_POINTS, Scan, checked_scan
 from picoradar.registration.scan.raster import checked_grid
 from picoradar.registration.scan.response import weighted_by_response
-from picoradar.registration.scan.tissue import bone_probability, log_likelihood, neighbour_sum
+from picoradar.registration.scan.tissue import bone_probability, log_likelihood, neighbour_sum, observed_share
 
 __all__ = [
     "MIN_POINTS",
@@ -26,6 +26,7 @@ __all__ = [
     "log_likelihood",
     "mad_scale",
     "neighbour_sum",
+    "observed_share",
     "raster_noise",
     "weighted_by_response",
 ]

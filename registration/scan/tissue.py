@@ -66,6 +66,26 @@ def bone_probability(
     return np.asarray(1.0 / (1.0 + np.exp(-np.clip(own, -MAX_EXPONENT, MAX_EXPONENT))))
 
 
+def observed_share(
+    residuals_mm: Floats, sigma_mm: Floats | float, around: Neighbours, tissue: TissueSettings
+) -> FloatArray:
+    """Share (N,) of each point's information that is left when nobody says whether it is bone [eq. 10].
+
+    The derivative of ``P(r) r``, the pull of a point on the pose: one for a point that is bone beyond doubt, nothing
+    for tissue, and negative between, where moving away from a point makes it tissue and so ends its pull. (Louis, J.
+    R. Stat. Soc. B 44:226, 1982: the information observed is that of complete data less what is missing.)
+    """
+    own = log_odds(residuals_mm, sigma_mm, tissue)
+    odds = own + neighbour_odds(own, around, tissue)
+    probability = 1.0 / (1.0 + np.exp(-np.clip(odds, -MAX_EXPONENT, MAX_EXPONENT)))
+    below_onset = np.clip((tissue.onset_mm - residuals_mm) / tissue.onset_width_mm, -MAX_EXPONENT, MAX_EXPONENT)
+    above = 1.0 / (1.0 + np.exp(below_onset))
+    tissue_density = tissue.density_per_mm * above + tissue.stray_per_mm
+    tissue_slope = tissue.density_per_mm * above * (1.0 - above) / tissue.onset_width_mm
+    slope = -residuals_mm / np.square(sigma_mm) - tissue_slope / tissue_density  # of the log odds
+    return np.asarray(probability + probability * (1.0 - probability) * residuals_mm * slope, dtype=np.float64)
+
+
 def log_likelihood(
     residuals_mm: Floats, sigma_mm: Floats | float, around: Neighbours, tissue: TissueSettings
 ) -> FloatArray:

@@ -12,11 +12,39 @@ class TrustSettings:
     plausible_nats: float = 20.0
     """Total log likelihood below the best within which a rival may be the truth: neighbours are not independent."""
 
-    patch_points: int = 8
-    """Neighbours that share a departure of the model from the points [eq. 10]: the eight about a place."""
-
     patch_min_neighbours: int = 3
     """A point with fewer inliers beside it tells nothing of a shared departure."""
+
+    patch_mm: float = 8.0
+    """Length over which residuals are looked at for what patches share [eq. 10]: a film, a wave of a segmentation."""
+
+    incidence_classes: int = 4
+    """Classes of incidence in which the noise is measured: it may grow where beams graze."""
+
+    min_class_points: int = 30
+    """Points of such a class at least: with fewer a variance is uncertain by a quarter and more."""
+
+    beyond_chance_sds: float = 3.0
+    """What residuals show beyond the noise reckoned with counts from so many of its standard deviations on: 1 in 700
+    by chance."""
+
+    unseen_deg: float = 3.0
+    """Standard deviation of the rotation at which a minimum that was not found is as likely as not [eq. 16]."""
+
+    unseen_sds: float = 8.0
+    """How far such a minimum lies from the pose, in its standard deviations: the median of wrong poses was 6 to 10."""
+
+    max_unseen: float = 0.03
+    """Probability of a minimum that was not found from which on the verdict is a caution."""
+
+    max_halves: float = 1.5
+    """How far the poses of two halves may be apart, in shares of what noise allows in 95 % of all cases."""
+
+    shown_sds: float = 4.0
+    """An error beyond its budget counts as shown by the points from so many standard deviations on."""
+
+    shown_share: float = 0.2
+    """Shift that it causes at a target, as a share of the tolerance, from which on the verdict is a caution."""
 
     free_mm: float = 1e3
     """Standard deviation given to a motion that nothing holds [eq. 10]."""

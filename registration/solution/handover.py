@@ -65,6 +65,8 @@ class Solution:
         Sharp edges may hold the pose: it was not found in a socket.
     beside_share : float
         Share of the points that lie just beside a closed model, where nothing sends light back.
+    observed : (N,) array or None
+        Weight of each point in the information observed [eq. 10], 1/mm^2; None: the inliers' own.
     """
 
     model_from_scanner: FloatArray
@@ -80,3 +82,4 @@ class Solution:
     alternatives: list[Alternative] = field(default_factory=list)
     edges: bool = False
     beside_share: float = 0.0
+    observed: FloatArray | None = None

@@ -1,14 +1,17 @@
 """How far to trust a pose: covariance, evidence, verdict, and the result that carries them."""
 
 from picoradar.registration.trust.assess import RegistrationRequest, named_targets
+from picoradar.registration.trust.budget import ErrorBudget, Socket
 from picoradar.registration.trust.covariance import Target
+from picoradar.registration.trust.evidence import Objection, Tolerance
 from picoradar.registration.trust.result import Registration
-from picoradar.registration.trust.verdict import Objection, Tolerance
 
 __all__ = [
+    "ErrorBudget",
     "Objection",
     "Registration",
     "RegistrationRequest",
+    "Socket",
     "Target",
     "Tolerance",
     "named_targets",

@@ -7,47 +7,59 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from picoradar.registration._types import BoolArray, FloatArray
+from picoradar.registration._types import FloatArray
 from picoradar.registration.errors import RegistrationError
-from picoradar.registration.least_squares import information, plane_rows
-from picoradar.registration.refine import dispersion
-from picoradar.registration.scan import MIN_POINTS, Scan
-from picoradar.registration.se3 import displacement_covariance, transform
-from picoradar.registration.settings import RobustSettings
+from picoradar.registration.refine import motion_between
+from picoradar.registration.scan import Scan
+from picoradar.registration.se3 import displacement_covariance, orthonormalised, small_motion
+from picoradar.registration.settings import RobustSettings, TrustSettings
 from picoradar.registration.solution import Solution, residual_measures
-from picoradar.registration.trust.covariance import (
-    Stiffness,
-    Target,
-    describe_weakness,
-    patch_misfit_mm,
-    quantile_mm,
-    stiffness,
-)
+from picoradar.registration.trust.budget import ErrorBudget, Socket
+from picoradar.registration.trust.checks import checks_of
+from picoradar.registration.trust.covariance import Target
+from picoradar.registration.trust.evidence import Evidence, Objection, ShownError, Tolerance
+from picoradar.registration.trust.fit import Assessed
+from picoradar.registration.trust.mixture import Mixture
 from picoradar.registration.trust.result import Registration
-from picoradar.registration.trust.verdict import Evidence, Objection, Tolerance, judge
+from picoradar.registration.trust.verdict import judge
+from picoradar.registration.trust.words import weak_directions
 
 
 @dataclass(frozen=True)
 class RegistrationRequest:
-    """What the caller asks: where the error matters, how large it may be, and the standard deviation of a range error
-    common to all points (None: never measured); and what speaks against the points."""
+    """What the caller asks, and knows beforehand.
+
+    Attributes
+    ----------
+    targets : (M, 3) array, list of dicts or None
+        Where the error matters.
+    tolerance : Tolerance
+        How large it may be.
+    budget : ErrorBudget
+        Errors that the points do not show, or not well.
+    objections : sequence of Objection
+        What speaks against the points.
+    sockets : sequence of Socket
+        Of the model.
+    """
 
     targets: npt.ArrayLike | Sequence[dict[str, Any]] | None
     tolerance: Tolerance
-    range_bias_mm: float | None
+    budget: ErrorBudget = field(default_factory=ErrorBudget)
     objections: Sequence[Objection] = ()
+    sockets: Sequence[Socket] = ()
 
 
 def assess(
     scan: Scan, solution: Solution, request: RegistrationRequest, findings: list[str], settings: RobustSettings
 ) -> Registration:
-    """Measure, predict and judge a solution.
+    """Measure, predict and judge a solution, moved by what the points show of the budget's errors.
 
     Parameters
     ----------
@@ -58,35 +70,35 @@ def assess(
         What validation of the model found.
     settings : RobustSettings
     """
-    fit = _Assessed.of(scan, solution, settings)
-    used, closest = fit.used, solution.closest
-    normals, beams = closest.normals[used], scan.beams[used] @ solution.model_from_scanner[:3, :3].T
-    range_sd_mm = math.nan if request.range_bias_mm is None else request.range_bias_mm
-    bias = bias_motion(fit.rows, fit.sigma[used], normals, beams, fit.uninflated) * range_sd_mm
+    fit = Assessed.of(scan, solution, request.budget, request.sockets, settings.trust)
+    pose = orthonormalised(small_motion(fit.motion, fit.centre) @ solution.model_from_scanner)
+    residuals = solution.closest.signed_mm.copy()
+    residuals[fit.points.at] += fit.points.rows @ fit.motion
+    unseen = unseen_probability(fit, settings.trust)
     targets = [
-        predict(name, position, fit, bias, settings.trust.bias_sds)
+        predicted(name, position, fit, solution, request.budget, unseen, settings.trust)
         for name, position in named_targets(request.targets, fit.centre)
     ]
-    evidence = replace(_evidence(scan, solution, fit, targets, settings), objections=request.objections)
+    checks = checks_of(scan, solution, fit, targets, request.sockets)
+    evidence = _evidence(scan, solution, fit, targets, unseen, request, settings)
+    evidence = replace(evidence, halves=checks.halves)
     verdict, reasons = judge(evidence, request.tolerance, settings.trust)
-    measures = residual_measures(closest.signed_mm[used])
+    measures = residual_measures(residuals[fit.used])
     return Registration(
-        model_from_scanner=solution.model_from_scanner,
+        model_from_scanner=pose,
         covariance=fit.covariance,
         centre=fit.centre,
         verdict=verdict,
         reasons=reasons,
         inliers=solution.inliers,
-        residuals=closest.signed_mm,
+        residuals=residuals,
         rms_mm=measures.rms_mm,
         mean_mm=measures.mean_mm,
         max_mm=measures.max_mm,
         nlse=measures.nlse,
         targets=targets,
         predicted_rotation_deg=evidence.rotation_sd_deg,
-        weak_directions=weak_directions(
-            stiffness(fit.rows, fit.sigma[used], fit.radius_mm), fit.covariance, fit.centre
-        ),
+        weak_directions=weak_directions(fit, request.tolerance, request.sockets),
         rivals=solution.rivals,
         history=solution.history,
         cost=solution.cost,
@@ -94,68 +106,31 @@ def assess(
         noise_mm=solution.noise.range_mm,
         misfit_mm=fit.misfit_mm,
         findings=findings,
+        miss_probability=unseen,
+        checks=checks,
     )
 
 
-@dataclass(frozen=True)
-class _Assessed:
-    """A solution's covariance [eq. 10] with what it is made of.
-
-    Attributes
-    ----------
-    used : (N,) array of bool
-        The inliers; all points where these are too few for a pose.
-    centre : (3,) array
-    radius_mm : float
-        Root mean square distance of the points used from it.
-    sigma : (N,) array
-    rows : (M, 6) array
-        Of the points used.
-    misfit_mm : float
-    covariance : (6, 6) array
-    uninflated : (6, 6) array
-        Inverse of the information alone: how the pose follows what all points share.
-    """
-
-    used: BoolArray
-    centre: FloatArray
-    radius_mm: float
-    sigma: FloatArray
-    rows: FloatArray
-    misfit_mm: float
-    covariance: FloatArray
-    uninflated: FloatArray
-
-    @classmethod
-    def of(cls, scan: Scan, solution: Solution, settings: RobustSettings) -> _Assessed:
-        """Covariance of the plane form, inflated for what residuals and patches show, with the alternatives' spread.
-
-        By the share of points left out, too: which points are bone was decided by the same data. (Measured on simulated
-        scans, squared errors are 0.7 to 1.1 times those predicted so; without the share they are 0.7 to 2.4 times.)
-        """
-        trust, closest = settings.trust, solution.closest
-        enough = int(solution.inliers.sum()) >= MIN_POINTS
-        used = solution.inliers if enough else np.ones(len(scan), dtype=np.bool_)
-        moved = transform(solution.model_from_scanner, scan.points[used])
-        centre = moved.mean(axis=0)
-        radius = float(np.sqrt(((moved - centre) ** 2).sum(axis=1).mean()))
-        sigma = solution.noise.plane_sigma(scan, solution.model_from_scanner[:3, :3], closest.normals)
-        rows = plane_rows(moved, closest.normals[used], centre)
-        chi2 = float(np.mean((closest.signed_mm[used] / sigma[used]) ** 2))
-        misfit = patch_misfit_mm(closest.signed_mm, used, solution.around, trust.patch_min_neighbours)
-        correlated = 1.0 + trust.patch_points * float(np.mean((misfit / sigma[used]) ** 2))
-        inflation = max(1.0, chi2) * correlated * len(scan) / int(used.sum())
-        uninflated = pose_covariance(information(rows, sigma[used]), radius, trust.free_mm)
-        covariance = uninflated * inflation + dispersion(solution.model_from_scanner, solution.alternatives, centre)
-        return cls(used, centre, radius, sigma, rows, misfit, covariance, uninflated)
+def unseen_probability(fit: Assessed, settings: TrustSettings) -> float:
+    """Probability of a minimum beside the pose that no fit reached: as the square of the rotation's spread [eq. 16]."""
+    spread_deg = float(np.degrees(np.sqrt(max(0.0, np.trace(fit.own[:3, :3])))))
+    odds = (spread_deg / settings.unseen_deg) ** 2
+    return odds / (1.0 + odds)
 
 
 def _evidence(
-    scan: Scan, solution: Solution, fit: _Assessed, targets: list[Target], settings: RobustSettings
+    scan: Scan,
+    solution: Solution,
+    fit: Assessed,
+    targets: list[Target],
+    unseen: float,
+    request: RegistrationRequest,
+    settings: RobustSettings,
 ) -> Evidence:
     trust = settings.trust
     independent = min(len(scan), settings.tissue.independent_points)
     deep_inside = -trust.inside_sigmas * np.maximum(fit.sigma, trust.inside_min_sigma_mm)
+    places = [target.position for target in targets]
     return Evidence(
         rotation_sd_deg=min(180.0, float(np.degrees(np.sqrt(np.trace(fit.covariance[:3, :3]))))),
         targets=targets,
@@ -166,7 +141,19 @@ def _evidence(
         misfit_mm=fit.misfit_mm,
         rivals=[r for r in solution.rivals if (r.cost - solution.cost) * independent < trust.plausible_nats],
         confident=solution.confident,
-        range_error_known=all(math.isfinite(target.bias_mm) for target in targets),
+        range_error_known=request.budget.range_bias_mm is not None,
+        objections=request.objections,
+        miss_probability=unseen,
+        shown=[
+            ShownError(
+                one.name,
+                one.value,
+                one.sd,
+                max(float(np.linalg.norm(shift_at(one.motion, p, fit.centre))) for p in places),
+            )
+            for one in fit.shown
+            if places
+        ],
     )
 
 
@@ -178,30 +165,43 @@ def pose_covariance(h: FloatArray, radius_mm: float, free_mm: float) -> FloatArr
     return np.asarray((vectors * variance) @ vectors.T * np.outer(scale, scale), dtype=np.float64)
 
 
-def bias_motion(
-    rows: FloatArray, sigma: FloatArray, normals: FloatArray, beams: FloatArray, uninflated: FloatArray
-) -> FloatArray:
-    """Motion (6,) that a range error of 1 mm common to all points causes: ``H^-1 sum g_i (n_i . u_i) / sigma_i^2``.
+def shift_at(motion: FloatArray, position: FloatArray, centre: FloatArray) -> FloatArray:
+    """Shift (3,) of a target by a small motion (6,) about `centre` (3,)."""
+    return np.asarray(motion[3:] + np.cross(motion[:3], position - centre), dtype=np.float64)
 
-    Parameters
-    ----------
-    rows, sigma, normals, beams : (M, 6), (M,), (M, 3), (M, 3) arrays
-        Of the points used, model frame.
-    uninflated : (6, 6) array
-        Inverse of the information H of just these rows. What inflates a covariance (misfit, points left out) says how
-        far the pose may be off at random, not how far it follows a common error: with it, 1 mm came out as 18 mm.
+
+def predicted(
+    name: str,
+    position: FloatArray,
+    fit: Assessed,
+    solution: Solution,
+    budget: ErrorBudget,
+    unseen: float,
+    settings: TrustSettings,
+) -> Target:
+    """Predict the error at one target [eq. 12, 15, 16].
+
+    The model's scale moves it, too: it counts about the target itself, since nobody knows about which point a CT is
+    too large.
     """
-    along = np.einsum("ij,ij->i", normals, beams)
-    return np.asarray(uninflated @ (rows.T @ (along / sigma**2)), dtype=np.float64)
-
-
-def predict(name: str, position: FloatArray, fit: _Assessed, bias: FloatArray, bias_sds: float) -> Target:
-    """Predict the error at one target from the pose's covariance and the motion (6,) by a common range error, of which
-    `bias_sds` are stated."""
-    spread = displacement_covariance(fit.covariance, position - fit.centre)
-    shift = bias[3:] + np.cross(bias[:3], position - fit.centre)
-    p95_mm, bias_mm = quantile_mm(spread), float(np.linalg.norm(shift))
-    return Target(name, position, float(np.sqrt(np.trace(spread))), p95_mm, bias_mm, p95_mm + bias_sds * bias_mm)
+    shifts = {error: shift_at(motion, position, fit.centre) for error, motion in fit.biases.items()}
+    if "model scale" in shifts:
+        shifts["model scale"] = shifts["model scale"] + budget.model_scale * (fit.centre - position)
+    parts = {error: float(np.linalg.norm(shift)) for error, shift in shifts.items()}
+    bias_mm = math.nan if budget.range_bias_mm is None else math.sqrt(sum(part**2 for part in parts.values()))
+    others = [
+        (
+            shift_at(
+                motion_between(solution.model_from_scanner, end.model_from_scanner, fit.centre), position, fit.centre
+            ),
+            end.weight,
+        )
+        for end in solution.alternatives
+    ]
+    own = displacement_covariance(fit.own, position - fit.centre)
+    p95_mm = Mixture(own, others, unseen, settings.unseen_sds).quantile()
+    rms_mm = float(np.sqrt(np.trace(displacement_covariance(fit.covariance, position - fit.centre))))
+    return Target(name, position, rms_mm, p95_mm, bias_mm, p95_mm + settings.bias_sds * bias_mm, parts)
 
 
 def named_targets(
@@ -230,13 +230,3 @@ def named_targets(
     if positions.ndim != 2 or positions.shape[1] != 3 or not np.isfinite(positions).all():
         raise RegistrationError(f"targets have shape {positions.shape}: give finite (M, 3) in the model frame, mm")
     return [(f"target {i + 1}", p) for i, p in enumerate(positions)]
-
-
-def weak_directions(found: Stiffness, covariance: FloatArray, centre: FloatArray, count: int = 2) -> list[str]:
-    """Describe the `count` worst-held motions, worst first."""
-    scale = np.array([found.radius_mm] * 3 + [1.0] * 3)
-    scaled = covariance * np.outer(scale, scale)
-    variances, motions = np.linalg.eigh(scaled)
-    return [
-        describe_weakness(found, motions[:, -1 - k], centre, float(np.sqrt(variances[-1 - k]))) for k in range(count)
-    ]

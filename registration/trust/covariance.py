@@ -15,7 +15,7 @@ Censi, ICRA (2007). Brossard, Bonnabel, Barrau, ICRA (2020).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from statistics import NormalDist
 
 import numpy as np
@@ -29,12 +29,6 @@ P95 = 0.95
 
 MAX_NEWTON_STEPS, SETTLED, SERIES_ROUNDING = 50, 1e-12, 1e-15
 """Of the chi-square quantile: Newton's steps at most, and the relative step and term of a series that are rounding."""
-
-SLIDING_TURN = 0.2
-"""A motion that turns by less, in shares of its whole, is described as sliding."""
-
-SCREW_PITCH = 0.2
-"""A turn that advances by less than this share of the points' radius is described without its advance."""
 
 
 def patch_misfit_mm(residuals_mm: FloatArray, inliers: BoolArray, around: Neighbours, min_neighbours: int) -> float:
@@ -110,10 +104,12 @@ class Target:
     rms_mm, p95_mm : float
         Root mean square and 95 % quantile of the random error; infinite when a motion is free.
     bias_mm : float
-        Shift that one standard deviation of a common range error, which leaves no trace in the residuals, causes here;
-        NaN when that was never measured.
+        Shift that one standard deviation of what leaves no trace in the residuals causes here (the error budget, root
+        of the sum of squares over its entries); NaN when the common range error was never measured.
     stated_mm : float
         The error to reckon with: `p95_mm` and two standard deviations of that shift, added; NaN like it.
+    bias_parts_mm : dict of str to float
+        The shift by each entry of the budget.
     """
 
     name: str
@@ -122,6 +118,7 @@ class Target:
     p95_mm: float
     bias_mm: float
     stated_mm: float
+    bias_parts_mm: dict[str, float] = field(default_factory=dict)
 
 
 def quantile_mm(covariance: FloatArray, probability: float = P95) -> float:
@@ -161,32 +158,3 @@ def chi_square_quantile(degrees: float, probability: float) -> float:
         if abs(move) < SETTLED * x:
             break
     return 2.0 * x
-
-
-def describe_weakness(found: Stiffness, sigma_axis: FloatArray, centre: FloatArray, limit: float) -> str:
-    """Say in words which motion is weak.
-
-    Parameters
-    ----------
-    found : Stiffness
-    sigma_axis : (6,) array
-        Unit motion (rotation, translation / radius).
-    centre : (3,) array
-        Point of the model frame that the motion turns about.
-    limit : float
-        Predicted standard deviation along it, mm at the points' rms radius.
-    """
-    rotation, shift = sigma_axis[:3], sigma_axis[3:] * found.radius_mm
-    turn = float(np.linalg.norm(rotation))
-    if turn < SLIDING_TURN:
-        axis = shift / np.linalg.norm(shift)
-        return f"sliding along ({axis[0]:+.2f}, {axis[1]:+.2f}, {axis[2]:+.2f}), SD {limit:.2f} mm"
-    axis = rotation / turn
-    pivot = centre + np.cross(rotation, shift) / turn**2
-    degrees = np.degrees(limit / found.radius_mm * turn)
-    pitch = float(shift @ axis) / turn
-    screw = f", advancing {pitch * 2 * np.pi:.0f} mm a turn" if abs(pitch) > SCREW_PITCH * found.radius_mm else ""
-    return (
-        f"turning about the axis ({axis[0]:+.2f}, {axis[1]:+.2f}, {axis[2]:+.2f}) through "
-        f"({pivot[0]:.1f}, {pivot[1]:.1f}, {pivot[2]:.1f}) mm{screw}, SD {degrees:.2f} deg"
-    )

@@ -8,9 +8,38 @@ from typing import Any, Literal
 
 from picoradar.registration._types import BoolArray, FloatArray
 from picoradar.registration.solution import Iteration, Rival
+from picoradar.registration.trust.checks import Checks
 from picoradar.registration.trust.covariance import Target
 
+CHECK_AGAIN_AFTER_S = 1800.0
+"""Half an hour. No measured figure: Yaniv (Registration for orthopaedic interventions, 2015) asks for checks
+"periodically during the intervention" and leaves the period open."""
+
 Verdict = Literal["pass", "caution", "fail"]
+
+
+@dataclass(frozen=True)
+class Expiry:
+    """Until when a verdict holds: it is about the bone, the scanner and the reference as they stood in the scan.
+
+    Attributes
+    ----------
+    check_again_after_s : float
+        After so long without a check at a point on the bone nothing is known of it any more.
+    ends_with : tuple of sentences
+        What ends it at once.
+    """
+
+    check_again_after_s: float = CHECK_AGAIN_AFTER_S
+    ends_with: tuple[str, ...] = (
+        "The reference or the scanner was moved or touched.",
+        "The bone moved, or was cut where it was scanned.",
+        "Another model or calibration is in force.",
+    )
+
+    def holds(self, since_check_s: float) -> bool:
+        """Whether it still does so long after the scan, or the last check, when nothing ended it."""
+        return since_check_s <= self.check_again_after_s
 
 
 @dataclass(frozen=True)
@@ -53,6 +82,12 @@ class Registration:
         Departure of the model from the points that neighbouring points share.
     findings : list of sentences
         What validation of the model found.
+    checks : Checks or None
+        Figures that the judgement rests on.
+    expiry : Expiry
+        Until when the verdict holds.
+    miss_probability : float
+        Of a minimum beside the pose that no fit reached; the quantiles at the targets hold it.
     """
 
     model_from_scanner: FloatArray
@@ -76,6 +111,9 @@ class Registration:
     noise_mm: float
     misfit_mm: float
     findings: list[str] = field(default_factory=list)
+    miss_probability: float = 0.0
+    checks: Checks | None = None
+    expiry: Expiry = Expiry()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the contract of ``picoradar register`` as plain JSON types; what could not be had is None."""
@@ -97,6 +135,7 @@ class Registration:
                     "p95_mm": _number(t.p95_mm),
                     "bias_mm": _number(t.bias_mm),
                     "stated_mm": _number(t.stated_mm),
+                    "bias_parts_mm": {name: _number(part) for name, part in t.bias_parts_mm.items()},
                 }
                 for t in self.targets
             ],
@@ -114,6 +153,12 @@ class Registration:
             "method": self.method,
             "noise_mm": _number(self.noise_mm),
             "misfit_mm": _number(self.misfit_mm),
+            "miss_probability": _number(self.miss_probability),
+            "checks": None if self.checks is None else {n: _number(v) for n, v in vars(self.checks).items()},
+            "expiry": {
+                "check_again_after_s": self.expiry.check_again_after_s,
+                "ends_with": list(self.expiry.ends_with),
+            },
         }
 
 

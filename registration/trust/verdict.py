@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from picoradar.registration.settings import TrustSettings
-from picoradar.registration.solution import Rival
-from picoradar.registration.trust.covariance import Target
+from picoradar.registration.trust.evidence import Evidence, Tolerance
 from picoradar.registration.trust.result import Verdict
+
+TINY = 1e-6
+"""A share of the points that stands for none."""
 
 UNKNOWN_RANGE_ERROR = (
     "How far all ranges are off together was never measured on this material, and it leaves no trace in the "
@@ -18,114 +20,123 @@ UNKNOWN_RANGE_ERROR = (
 
 
 @dataclass(frozen=True)
-class Tolerance:
-    """What the clinic asks for (dissertation: 1 deg and 1 mm)."""
+class _Finding:
+    """What speaks against a pose: whether it fails it, and its weight: how many times beyond what is allowed."""
 
-    rotation_deg: float = 1.0
-    target_mm: float = 1.0
-
-
-@dataclass(frozen=True)
-class Objection:
-    """What speaks against the points as a whole, and does not show in them: told by whoever measured them.
-
-    Attributes
-    ----------
-    sentence : str
-        What is wrong, and what to do.
-    fails : bool
-        Whether the pose must not be used; else the verdict is a caution at best.
-    """
-
+    fails: bool
+    weight: float
     sentence: str
-    fails: bool = False
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """What the verdict is drawn from.
-
-    Attributes
-    ----------
-    rotation_sd_deg : float
-        Predicted, total over three axes.
-    targets : list of Target
-    points, inliers : int
-    inside_share : float
-        Share of points clearly inside bone, where no beam can end.
-    beside_share : float
-        Share of points just beside a closed model, whose beams pass it by.
-    misfit_mm : float
-        Departure of the model from the points that neighbours share.
-    rivals : list of Rival
-        Those that may be the truth.
-    confident : bool
-        The search reached this minimum often enough to trust that it missed no better one.
-    range_error_known : bool
-        How large a range error common to all points may be was measured.
-    objections : sequence of Objection
-        Of those who measured the points.
-    """
-
-    rotation_sd_deg: float
-    targets: list[Target]
-    points: int
-    inliers: int
-    inside_share: float
-    beside_share: float
-    misfit_mm: float
-    rivals: list[Rival]
-    confident: bool
-    range_error_known: bool
-    objections: Sequence[Objection] = ()
 
 
 def judge(evidence: Evidence, tolerance: Tolerance, settings: TrustSettings) -> tuple[Verdict, list[str]]:
-    """Return the verdict and its reasons as sentences."""
-    fails: list[str] = []
-    cautions: list[str] = []
-    share = evidence.inliers / evidence.points
-    if share < settings.min_inlier_share:
-        fails.append(f"Only {share:.0%} of the points lie on the model: it may be another bone, or the pose is wrong.")
-    if evidence.inside_share > settings.inside_caution_share:
-        (fails if evidence.inside_share > settings.inside_fail_share else cautions).append(
-            f"{evidence.inside_share:.1%} of the points lie inside bone, where no beam can end: the model may be "
-            "another bone, or mirrored."
-        )
-    if evidence.beside_share > settings.beside_caution_share:
-        cautions.append(
-            f"{evidence.beside_share:.1%} of the points lie just beside the model, where nothing sends light back: "
-            "the pose may be wrong, or something else stands there."
-        )
-    if evidence.misfit_mm > settings.misfit_caution_share * tolerance.target_mm:
-        (fails if evidence.misfit_mm > settings.misfit_fail_share * tolerance.target_mm else cautions).append(
-            f"Whole patches of points lie {evidence.misfit_mm:.2f} mm (rms) off the model, which noise cannot do: "
-            "another bone, a mirrored or poorly segmented model, or tissue taken for bone."
-        )
-    if not evidence.confident:
-        cautions.append("The search reached this pose only once: a better one may have been missed; give landmarks.")
-    for predicted in _predicted(evidence, tolerance, settings):
-        if predicted.value > predicted.limit:
-            (fails if predicted.fails(settings) else cautions).append(predicted.sentence)
+    """Return the verdict and its reasons as sentences: what fails first, then by weight."""
+    found = [
+        *_about_points(evidence, tolerance, settings),
+        *_about_search(evidence, settings),
+        *_about_size(evidence, tolerance, settings),
+        *_beyond_budget(evidence, tolerance, settings),
+        *(_Finding(objection.fails, 1.0, objection.sentence) for objection in evidence.objections),
+    ]
     if not evidence.range_error_known:
-        cautions.append(UNKNOWN_RANGE_ERROR)
-    for objection in evidence.objections:
-        (fails if objection.fails else cautions).append(objection.sentence)
-    if evidence.rivals:
-        nearest = evidence.rivals[0]
-        cautions.append(
-            f"{len(evidence.rivals)} other pose(s) explain the points nearly as well; the best of them is "
-            f"{nearest.rotation_deg:.1f} deg and {nearest.translation_mm:.1f} mm away."
-        )
-    if fails:
-        return "fail", fails + cautions
-    if cautions:
-        return "caution", cautions
+        found.append(_Finding(False, 1.0, UNKNOWN_RANGE_ERROR))
+    if found:
+        ordered = sorted(found, key=lambda one: (not one.fails, -one.weight))
+        return "fail" if ordered[0].fails else "caution", [one.sentence for one in ordered]
     worst = max((t.stated_mm for t in evidence.targets), default=0.0)
     return "pass", [
         f"Predicted rotation error {evidence.rotation_sd_deg:.2f} deg (rms); with 95 % probability the error at every "
         f"target is under {worst:.2f} mm, a common range error included."
     ]
+
+
+def _about_points(evidence: Evidence, tolerance: Tolerance, settings: TrustSettings) -> Iterator[_Finding]:
+    """What the points say that lie on the model, in it, beside it and off it."""
+    share = evidence.inliers / evidence.points
+    if share < settings.min_inlier_share:
+        yield _Finding(
+            True,
+            settings.min_inlier_share / max(share, TINY),
+            f"Only {share:.0%} of the points lie on the model: it may be another bone, or the pose is wrong.",
+        )
+    if evidence.inside_share > settings.inside_caution_share:
+        yield _Finding(
+            evidence.inside_share > settings.inside_fail_share,
+            evidence.inside_share / settings.inside_caution_share,
+            f"{evidence.inside_share:.1%} of the points lie inside bone, where no beam can end: the model may be "
+            "another bone, or mirrored.",
+        )
+    if evidence.beside_share > settings.beside_caution_share:
+        yield _Finding(
+            False,
+            evidence.beside_share / settings.beside_caution_share,
+            f"{evidence.beside_share:.1%} of the points lie just beside the model, where nothing sends light back: "
+            "the pose may be wrong, or something else stands there.",
+        )
+    if evidence.misfit_mm > settings.misfit_caution_share * tolerance.target_mm:
+        yield _Finding(
+            evidence.misfit_mm > settings.misfit_fail_share * tolerance.target_mm,
+            evidence.misfit_mm / (settings.misfit_caution_share * tolerance.target_mm),
+            f"Whole patches of points lie {evidence.misfit_mm:.2f} mm (rms) off the model, which noise cannot do: "
+            "another bone, a mirrored or poorly segmented model, or tissue taken for bone.",
+        )
+
+
+def _about_search(evidence: Evidence, settings: TrustSettings) -> Iterator[_Finding]:
+    """Other poses that may be the truth: not met often enough, named, unseen, or wanted by a half of the points."""
+    if not evidence.confident:
+        yield _Finding(
+            False, 1.0, "The search reached this pose only once: a better one may have been missed; give landmarks."
+        )
+    if evidence.rivals:
+        nearest = evidence.rivals[0]
+        yield _Finding(
+            False,
+            2.0,
+            f"{len(evidence.rivals)} other pose(s) explain the points nearly as well; the best of them is "
+            f"{nearest.rotation_deg:.1f} deg and {nearest.translation_mm:.1f} mm away.",
+        )
+    if evidence.miss_probability > settings.max_unseen:
+        yield _Finding(
+            False,
+            evidence.miss_probability / settings.max_unseen,
+            f"The rotation is held so weakly that another minimum may be the truth ({evidence.miss_probability:.0%}): "
+            "scan more, or give landmarks.",
+        )
+    if evidence.halves > settings.max_halves:
+        yield _Finding(
+            False,
+            evidence.halves / settings.max_halves,
+            f"Two halves of the scan, registered apart, differ by {evidence.halves:.1f} times what noise allows: "
+            "the model differs from the bone, tissue was taken for bone, or something moved.",
+        )
+
+
+def _about_size(evidence: Evidence, tolerance: Tolerance, settings: TrustSettings) -> Iterator[_Finding]:
+    """Predicted errors beyond their limits."""
+    for predicted in _predicted(evidence, tolerance, settings):
+        if predicted.value > predicted.limit:
+            yield _Finding(predicted.fails(settings), predicted.value / predicted.limit, predicted.sentence)
+
+
+REMEDIES = {
+    "model offset": "the surface lies {value:+.2f} mm too far out: check the threshold, or state --model-offset-mm",
+    "model scale": "the model is {percent:+.2f} % too large: check the CT's scale, or state it in the budget",
+    "mirror scale": "mirror angles are {percent:+.2f} % too large: calibrate (picoradar bench geometry), or state it",
+    "walk": "ranges grow by {value:+.2f} mm at 60 deg of incidence: calibrate the ranging, or state it in the budget",
+}
+
+
+def _beyond_budget(evidence: Evidence, tolerance: Tolerance, settings: TrustSettings) -> Iterator[_Finding]:
+    """What the points show of errors that the budget does not hold; of several that look alike, the clearest."""
+    counts = [one for one in evidence.shown if one.shift_mm > settings.shown_share * tolerance.target_mm]
+    if counts:
+        one = max(counts, key=lambda shown: abs(shown.value) / shown.sd)
+        what = REMEDIES[one.name].format(value=one.value, percent=100.0 * one.value)
+        yield _Finding(
+            False,
+            one.shift_mm / (settings.shown_share * tolerance.target_mm),
+            f"The points look as if {what} (it moves a target by {one.shift_mm:.2f} mm).",
+        )
 
 
 @dataclass(frozen=True)
