@@ -62,16 +62,16 @@ def beside_weak(
 
 
 def alternatives_of(
-    best: BeamFit, ends: Sequence[tuple[FloatArray, float]], scan: Scan, points: int, settings: WeakModeSettings
+    best: BeamFit, fits: Sequence[BeamFit], scan: Scan, points: int, settings: WeakModeSettings
 ) -> list[Alternative]:
-    """Other minima, each once, weighted by their mean log likelihoods over so many points [eq. 12].
+    """Other minima that were fitted, each once, weighted by their mean log likelihoods over so many points [eq. 12].
 
     What lies within `same_sds` standard deviations of the fit, or of a likelier end, is the same minimum.
 
     Parameters
     ----------
     best : BeamFit
-    ends : sequence of (pose (4, 4), mean log likelihood)
+    fits : sequence of BeamFit
     scan : Scan
     points : int
     settings : WeakModeSettings
@@ -81,15 +81,16 @@ def alternatives_of(
     covariance, centre = fit_covariance(best, scan)
     scale = np.linalg.pinv(covariance, hermitian=True)
     known, found = [np.zeros(6)], list[Alternative]()
-    for pose, log_likelihood in sorted(ends, key=lambda end: -end[1]):
-        weight = float(np.exp(min(0.0, log_likelihood - best.log_likelihood) * points / settings.e_fold_nats))
+    for fit in sorted((fit for fit in fits if fit is not best), key=lambda fit: -fit.log_likelihood):
+        fall = min(0.0, fit.log_likelihood - best.log_likelihood) * points
+        weight = float(np.exp(fall / settings.e_fold_nats))
         if weight < settings.min_weight:
             break
-        motion = motion_between(best.model_from_scanner, pose, centre)
+        motion = motion_between(best.model_from_scanner, fit.model_from_scanner, centre)
         apart = [motion - other for other in known]
         if min(float(x @ scale @ x) for x in apart) > settings.same_sds**2:
             known.append(motion)
-            found.append(Alternative(pose, weight))
+            found.append(Alternative(fit.model_from_scanner, weight))
     return found
 
 

@@ -90,7 +90,7 @@ def register(
         of range zero and material, as the radar's calibration has it. Not given, it counts as never measured, and
         the verdict is a caution at best.
     sigma_model_mm : float, optional
-        Standard deviation of the model's surface along its normal: a random field over the surface. 0.03 mm when not
+        Standard deviation of the model's surface along its normal: a random field over the surface. 0.02 mm when not
         given, which facets have; of a surface from a CT of 1 mm about 0.1.
     model_offset_mm : float, optional
         Standard deviation of the model being too large or too small all over, as by the threshold of a CT. What the
@@ -136,11 +136,8 @@ def register(
     check_targets(targets)
     known = _with_given(budget or ErrorBudget(), range_bias_mm, sigma_model_mm, model_offset_mm)
     robust = settings if isinstance(settings, RobustSettings) else USUAL
-    robust = (
-        replace(robust, noise=replace(robust.noise, model_mm=known.sigma_model_mm))
-        if known.sigma_model_mm != robust.noise.model_mm
-        else robust
-    )
+    if known.sigma_model_mm > robust.noise.model_mm:
+        robust = replace(robust, noise=replace(robust.noise, model_mm=known.sigma_model_mm))
     if scan.covariance is None and scan.response_mv is not None:
         scan = weighted_by_response(scan, noise_mm, robust.noise)
     regions, begin = excluded_regions(exclude), checked_start(start)

@@ -113,10 +113,10 @@ class _Fits:
         ends += [(c.model_from_scanner, c.log_likelihood + offset) for c in others]
         # 6. What the judgement needs to know.
         independent = min(len(scan), settings.tissue.independent_points)
-        others_of_best = [end for end in ends if end[0] is not best.model_from_scanner]
-        alternatives = alternatives_of(best, others_of_best, scan, independent, settings.weak_mode)
+        beside = walk if self.edges else [*fits, *walk[1:]]
+        alternatives = alternatives_of(best, beside, scan, independent, settings.weak_mode)
         if self.edges:
-            alternatives += alternatives_at(self.shallow(best), independent, settings.weak_mode.e_fold_nats)
+            alternatives += alternatives_at(self.shallow(best), independent, settings.edges.e_fold_nats)
         closest = best.closest(scan, self.search.model.surface)
         return Solution(
             model_from_scanner=best.model_from_scanner,

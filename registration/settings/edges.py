@@ -84,5 +84,8 @@ class EdgeSettings:
     min_fall_share: float = 0.25
     """A log likelihood that falls by less than this share of the prediction does not bear the information out."""
 
+    e_fold_nats: float = 5.0
+    """A probed pose whose log likelihood is so much lower counts for 1 / e in the covariance."""
+
     beside_mm: float = 5.0
     """Points this near to a closed model whose beams pass it by cannot have been measured from this pose."""

@@ -54,8 +54,8 @@ class WeakModeSettings:
     walk_deg: tuple[float, ...] = (2.0, 4.0)
     """Turns from which the fit begins again, to either side: notches of a socket's likelihood lie so far apart."""
 
-    walked_axes: int = 2
-    """Axes of these turns, the worst held first."""
+    walked_axes: int = 3
+    """Axes of these turns, the worst held first: a clump of tissue may make a minimum about any."""
 
     same_sds: float = 3.0
     """Ends within so many standard deviations of the pose belong to its own minimum: 80 % of all six-fold motions."""

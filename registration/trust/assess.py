@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from picoradar.registration.refine import motion_between
 from picoradar.registration.scan import Scan
 from picoradar.registration.se3 import displacement_covariance, orthonormalised, small_motion
 from picoradar.registration.settings import RobustSettings, TrustSettings
-from picoradar.registration.solution import Solution, residual_measures
+from picoradar.registration.solution import Rival, Solution, residual_measures
 from picoradar.registration.trust.budget import ErrorBudget, Socket
 from picoradar.registration.trust.checks import checks_of
 from picoradar.registration.trust.covariance import Target
@@ -75,13 +76,23 @@ def assess(
     residuals = solution.closest.signed_mm.copy()
     residuals[fit.points.at] += fit.points.rows @ fit.motion
     unseen = unseen_probability(fit, settings.trust)
-    targets = [
-        predicted(name, position, fit, solution, request.budget, unseen, settings.trust)
-        for name, position in named_targets(request.targets, fit.centre)
-    ]
+    independent = min(len(scan), settings.tissue.independent_points)
+    rivals = plausible_rivals(solution, independent, settings.trust)
+    places = named_targets(request.targets, fit.centre)
+    near = minima_of(solution, fit, [(end.model_from_scanner, end.weight) for end in solution.alternatives])
+    far = minima_of(solution, fit, rivals_as_ends(rivals, solution, independent, fit.centre, settings))
+    predict = partial(predicted, fit=fit, budget=request.budget, unseen=unseen, settings=settings.trust)
+    targets = [predict(name, position, [*near, *far]) for name, position in places]
     checks = checks_of(scan, solution, fit, targets, request.sockets)
-    evidence = _evidence(scan, solution, fit, targets, unseen, request, settings)
-    evidence = replace(evidence, halves=checks.halves)
+    turns = [] if solution.edges else [(x[:3], weight) for x, weight in near]  # along edges these are no minima
+    turn = Mixture(fit.own[:3, :3], turns, unseen, settings.trust.unseen_sds)
+    evidence = replace(
+        _evidence(scan, solution, fit, request, settings),
+        targets=[predict(name, position, near) for name, position in places] if far else targets,
+        rivals=rivals,
+        halves=checks.halves,
+        beyond_probability=turn.beyond(float(np.radians(request.tolerance.rotation_deg))),
+    )
     verdict, reasons = judge(evidence, request.tolerance, settings.trust)
     measures = residual_measures(residuals[fit.used])
     return Registration(
@@ -112,38 +123,59 @@ def assess(
 
 
 def unseen_probability(fit: Assessed, settings: TrustSettings) -> float:
-    """Probability of a minimum beside the pose that no fit reached: as the square of the rotation's spread [eq. 16]."""
+    """Probability of a minimum beside the pose that no fit reached [eq. 16]: it grows with the square of the rotation's
+    spread, and with the share of tissue, whose clumps make such minima."""
     spread_deg = float(np.degrees(np.sqrt(max(0.0, np.trace(fit.own[:3, :3])))))
-    odds = (spread_deg / settings.unseen_deg) ** 2
+    bone = float(fit.used.mean())
+    odds = (spread_deg / settings.unseen_deg) ** 2 * (1.0 - bone) / bone
     return odds / (1.0 + odds)
 
 
+def plausible_rivals(solution: Solution, points: int, settings: TrustSettings) -> list[Rival]:
+    """Rivals that may be the truth, by so many independent points."""
+    return [r for r in solution.rivals if (r.cost - solution.cost) * points < settings.plausible_nats]
+
+
+def rivals_as_ends(
+    rivals: Sequence[Rival], solution: Solution, points: int, centre: FloatArray, settings: RobustSettings
+) -> list[tuple[FloatArray, float]]:
+    """Poses and weights [eq. 12] of rivals that are no end beside the pose already."""
+    found, nats = [], settings.weak_mode.e_fold_nats
+    for rival in rivals:
+        apart = [
+            motion_between(end.model_from_scanner, rival.model_from_scanner, centre) for end in solution.alternatives
+        ]
+        same = settings.search.same_mm, np.radians(settings.search.same_deg)
+        if not any(np.linalg.norm(x[3:]) < same[0] and np.linalg.norm(x[:3]) < same[1] for x in apart):
+            found.append((rival.model_from_scanner, math.exp(min(0.0, solution.cost - rival.cost) * points / nats)))
+    return found
+
+
+def minima_of(
+    solution: Solution, fit: Assessed, ends: Sequence[tuple[FloatArray, float]]
+) -> list[tuple[FloatArray, float]]:
+    """Motions (6,) from the pose to other minima, with their weights."""
+    return [(motion_between(solution.model_from_scanner, pose, fit.centre), weight) for pose, weight in ends]
+
+
 def _evidence(
-    scan: Scan,
-    solution: Solution,
-    fit: Assessed,
-    targets: list[Target],
-    unseen: float,
-    request: RegistrationRequest,
-    settings: RobustSettings,
+    scan: Scan, solution: Solution, fit: Assessed, request: RegistrationRequest, settings: RobustSettings
 ) -> Evidence:
     trust = settings.trust
-    independent = min(len(scan), settings.tissue.independent_points)
     deep_inside = -trust.inside_sigmas * np.maximum(fit.sigma, trust.inside_min_sigma_mm)
-    places = [target.position for target in targets]
+    places = [position for _, position in named_targets(request.targets, fit.centre)]
     return Evidence(
         rotation_sd_deg=min(180.0, float(np.degrees(np.sqrt(np.trace(fit.covariance[:3, :3]))))),
-        targets=targets,
+        targets=[],
         points=len(scan),
         inliers=int(solution.inliers.sum()),
         inside_share=float(np.mean(solution.closest.signed_mm < deep_inside)),
         beside_share=solution.beside_share,
         misfit_mm=fit.misfit_mm,
-        rivals=[r for r in solution.rivals if (r.cost - solution.cost) * independent < trust.plausible_nats],
+        rivals=[],
         confident=solution.confident,
         range_error_known=request.budget.range_bias_mm is not None,
         objections=request.objections,
-        miss_probability=unseen,
         shown=[
             ShownError(
                 one.name,
@@ -152,17 +184,9 @@ def _evidence(
                 max(float(np.linalg.norm(shift_at(one.motion, p, fit.centre))) for p in places),
             )
             for one in fit.shown
-            if places
+            if places and not solution.edges  # beside edges the pose does not follow in proportion
         ],
     )
-
-
-def pose_covariance(h: FloatArray, radius_mm: float, free_mm: float) -> FloatArray:
-    """Inverse of an information matrix (6, 6), with motions that are free given the standard deviation `free_mm`."""
-    scale = np.array([1.0 / radius_mm] * 3 + [1.0] * 3)
-    values, vectors = np.linalg.eigh(h * np.outer(scale, scale))
-    variance = 1.0 / np.maximum(values, free_mm**-2)
-    return np.asarray((vectors * variance) @ vectors.T * np.outer(scale, scale), dtype=np.float64)
 
 
 def shift_at(motion: FloatArray, position: FloatArray, centre: FloatArray) -> FloatArray:
@@ -173,8 +197,9 @@ def shift_at(motion: FloatArray, position: FloatArray, centre: FloatArray) -> Fl
 def predicted(
     name: str,
     position: FloatArray,
+    others: Sequence[tuple[FloatArray, float]],
+    *,
     fit: Assessed,
-    solution: Solution,
     budget: ErrorBudget,
     unseen: float,
     settings: TrustSettings,
@@ -189,19 +214,10 @@ def predicted(
         shifts["model scale"] = shifts["model scale"] + budget.model_scale * (fit.centre - position)
     parts = {error: float(np.linalg.norm(shift)) for error, shift in shifts.items()}
     bias_mm = math.nan if budget.range_bias_mm is None else math.sqrt(sum(part**2 for part in parts.values()))
-    others = [
-        (
-            shift_at(
-                motion_between(solution.model_from_scanner, end.model_from_scanner, fit.centre), position, fit.centre
-            ),
-            end.weight,
-        )
-        for end in solution.alternatives
-    ]
-    own = displacement_covariance(fit.own, position - fit.centre)
-    p95_mm = Mixture(own, others, unseen, settings.unseen_sds).quantile()
-    rms_mm = float(np.sqrt(np.trace(displacement_covariance(fit.covariance, position - fit.centre))))
-    return Target(name, position, rms_mm, p95_mm, bias_mm, p95_mm + settings.bias_sds * bias_mm, parts)
+    shifted = [(shift_at(motion, position, fit.centre), weight) for motion, weight in others]
+    mixture = Mixture(displacement_covariance(fit.own, position - fit.centre), shifted, unseen, settings.unseen_sds)
+    p95_mm = mixture.quantile()
+    return Target(name, position, mixture.rms(), p95_mm, bias_mm, p95_mm + settings.bias_sds * bias_mm, parts)
 
 
 def named_targets(

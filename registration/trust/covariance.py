@@ -56,6 +56,21 @@ def patch_misfit_mm(residuals_mm: FloatArray, inliers: BoolArray, around: Neighb
     return float(np.sqrt(max(0.0, float(np.mean(residuals_mm[used] * mean)))))
 
 
+def inverse_information(information: FloatArray, scale: FloatArray, free_mm: float) -> FloatArray:
+    """Inverse of an information matrix (K, K); what nothing holds has the standard deviation `free_mm`.
+
+    Parameters
+    ----------
+    information : (K, K) array
+    scale : (K,) array
+        That makes the unknowns comparable: of a turn, one over the points' radius.
+    free_mm : float
+    """
+    both = np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(information * both)
+    return np.asarray((vectors / np.maximum(values, free_mm**-2)) @ vectors.T * both, dtype=np.float64)
+
+
 @dataclass(frozen=True)
 class Stiffness:
     """Eigenvalues of the information, made dimensionless, and the motions that belong to them.

@@ -68,8 +68,8 @@ class Evidence:
         How large a range error common to all points may be was measured.
     objections : sequence of Objection
         Of those who measured the points.
-    miss_probability : float
-        Of a minimum beside the pose that no fit reached.
+    beyond_probability : float
+        Of a rotation beyond the tolerance, minima beside the pose that no fit reached included.
     shown : sequence of ShownError
         Errors beyond the budget that the points show.
     halves : float
@@ -87,6 +87,6 @@ class Evidence:
     confident: bool
     range_error_known: bool
     objections: Sequence[Objection] = ()
-    miss_probability: float = 0.0
+    beyond_probability: float = 0.0
     shown: Sequence[ShownError] = ()
     halves: float = 0.0

@@ -23,6 +23,9 @@ from picoradar.registration.trust.covariance import P95, quantile_mm
 STEPS = 40
 """Halvings in the search for a quantile: a trillionth of the interval."""
 
+FARTHEST_SDS = 10.0
+"""No quantile that is reported lies so many standard deviations off."""
+
 NEGLIGIBLE = 1e-4
 """Other components of less weight in all change no quantile that is reported."""
 
@@ -48,23 +51,35 @@ class Mixture:
     unseen: float
     unseen_sds: float
 
+    def beyond(self, length: float) -> float:
+        """Probability that the error is longer."""
+        return 1.0 - self._inside(length, _moments(self.own))
+
+    def _inside(self, length: float, moments: tuple[float, float, float]) -> float:
+        """Probability that the error is no longer; `moments` are those of the own minimum."""
+        deviation = max(math.sqrt(moments[0]), np.finfo(np.float64).tiny)
+        total = 1.0 + sum(weight for _, weight in self.others)
+        below = _within(length, moments) + sum(
+            weight * _normal((length - float(np.linalg.norm(shift))) / deviation) for shift, weight in self.others
+        )
+        return (1.0 - self.unseen) * below / total + self.unseen * _within(length / self.unseen_sds, moments)
+
+    def rms(self) -> float:
+        """Root mean square length, without what was not found."""
+        total = 1.0 + sum(weight for _, weight in self.others)
+        spread = sum(weight * float(shift @ shift) for shift, weight in self.others) / total
+        return math.sqrt(max(0.0, float(np.trace(self.own))) + spread)
+
     def quantile(self, probability: float = P95) -> float:
         """Length that is not exceeded with this probability."""
-        total = 1.0 + sum(weight for _, weight in self.others)
-        if total - 1.0 + self.unseen < NEGLIGIBLE:
+        if sum(weight for _, weight in self.others) + self.unseen < NEGLIGIBLE:
             return quantile_mm(self.own, probability)
-        deviation = math.sqrt(max(float(np.trace(self.own)), 0.0))
-        farthest = max((float(np.linalg.norm(shift)) for shift, _ in self.others), default=0.0)
-        low, high = 0.0, farthest + 10.0 * self.unseen_sds * deviation
         moments = _moments(self.own)
+        farthest = max((float(np.linalg.norm(shift)) for shift, _ in self.others), default=0.0)
+        low, high = 0.0, farthest + FARTHEST_SDS * self.unseen_sds * math.sqrt(moments[0])
         for _ in range(STEPS):
             middle = (low + high) / 2.0
-            below = _within(middle, moments) + sum(
-                weight * _normal((middle - float(np.linalg.norm(shift))) / max(deviation, 1e-12))
-                for shift, weight in self.others
-            )
-            inside = (1.0 - self.unseen) * below / total + self.unseen * _within(middle / self.unseen_sds, moments)
-            low, high = (middle, high) if inside < probability else (low, middle)
+            low, high = (middle, high) if self._inside(middle, moments) < probability else (low, middle)
         return high
 
 

@@ -16,6 +16,11 @@ from picoradar.registration.settings import TrustSettings
 from picoradar.registration.solution import Solution
 from picoradar.registration.trust.budget import ErrorBudget, Seen, Socket, error_columns, mirror_axes
 from picoradar.registration.trust.correlation import cells, excess_noise, shared_spread, shared_variance
+from picoradar.registration.trust.covariance import inverse_information
+
+MIN_TOLD = 1e-3
+"""Least share of its information that an error keeps when the pose may follow it: with less it is a motion of the pose,
+as the scale of a wedge is, and rounding tells the rest."""
 
 
 @dataclass(frozen=True)
@@ -191,18 +196,14 @@ class System:
         stiffness = float(self.information[place, place] - pull @ inverse @ pull)
         answer, both = np.append(-inverse @ pull, 1.0), [*range(6), place]
         spread = float(answer @ self.noise[np.ix_(both, both)] @ answer)
-        if stiffness <= 0.0 or spread <= 0.0:
+        if stiffness <= MIN_TOLD * self.information[place, place] or spread <= 0.0:
             return 0.0, np.inf
         return -float(answer @ self.score[both]) / stiffness, float(np.sqrt(spread)) / stiffness
 
     def _inverse(self, block: list[int], prior: FloatArray) -> FloatArray:
         """Inverse of a part of the information, and of what was known before."""
         scale = np.array([1.0 / self.radius_mm] * 3 + [1.0] * 3 + [p**-0.5 for p in prior[6:]])
-        matrix = (self.information[np.ix_(block, block)] + np.diag(prior)) * np.outer(scale, scale)
-        values, vectors = np.linalg.eigh(matrix)
-        return np.asarray(
-            (vectors / np.maximum(values, self.free_mm**-2)) @ vectors.T * np.outer(scale, scale), dtype=np.float64
-        )
+        return inverse_information(self.information[np.ix_(block, block)] + np.diag(prior), scale, self.free_mm)
 
 
 def _shared(

@@ -95,13 +95,6 @@ def _about_search(evidence: Evidence, settings: TrustSettings) -> Iterator[_Find
             f"{len(evidence.rivals)} other pose(s) explain the points nearly as well; the best of them is "
             f"{nearest.rotation_deg:.1f} deg and {nearest.translation_mm:.1f} mm away.",
         )
-    if evidence.miss_probability > settings.max_unseen:
-        yield _Finding(
-            False,
-            evidence.miss_probability / settings.max_unseen,
-            f"The rotation is held so weakly that another minimum may be the truth ({evidence.miss_probability:.0%}): "
-            "scan more, or give landmarks.",
-        )
     if evidence.halves > settings.max_halves:
         yield _Finding(
             False,
@@ -116,6 +109,13 @@ def _about_size(evidence: Evidence, tolerance: Tolerance, settings: TrustSetting
     for predicted in _predicted(evidence, tolerance, settings):
         if predicted.value > predicted.limit:
             yield _Finding(predicted.fails(settings), predicted.value / predicted.limit, predicted.sentence)
+    if evidence.beyond_probability > settings.max_beyond:
+        yield _Finding(
+            False,
+            evidence.beyond_probability / settings.max_beyond,
+            f"The rotation is beyond {tolerance.rotation_deg:g} deg with a probability of "
+            f"{evidence.beyond_probability:.1%}, {settings.max_beyond:.1%} is allowed: scan more, or give landmarks.",
+        )
 
 
 REMEDIES = {

@@ -59,28 +59,30 @@ def describe_weakness(
     rotation, shift = motion[:3], motion[3:]
     turn, slide = float(np.linalg.norm(rotation)), float(np.linalg.norm(shift))
     if turn * radius_mm < SLIDING_TURN * float(np.hypot(turn * radius_mm, slide)):
-        return _sentence(f"slide along {_numbers(shift / slide)}", SDS_95 * slide, "mm", tolerance.target_mm)
+        bound = _bound("slide", SDS_95 * slide, "mm", tolerance.target_mm)
+        return f"{bound}; sliding along {_numbers(shift / slide)}"
     axis = rotation / turn
     pivot = centre + np.cross(rotation, shift) / turn**2
     pitch = float(shift @ axis) / turn
     screw = f", advancing {pitch * 2 * np.pi:.0f} mm a turn" if abs(pitch) > SCREW_PITCH * radius_mm else ""
-    about = f"rotate about {_axis_in_words(axis, pivot, sockets)}{screw}"
-    return _sentence(about, SDS_95 * float(np.degrees(turn)), "deg", tolerance.rotation_deg)
+    where = f"the axis {_numbers(axis)} through ({pivot[0]:.1f}, {pivot[1]:.1f}, {pivot[2]:.1f}) mm"
+    about = f"rotate about {_name(axis, pivot, sockets)}"
+    bound = _bound(about, SDS_95 * float(np.degrees(turn)), "deg", tolerance.rotation_deg)
+    return f"{bound}; turning about {where}{screw}"
 
 
-def _sentence(what: str, value: float, unit: str, limit: float) -> str:
+def _bound(what: str, value: float, unit: str, limit: float) -> str:
     free = value > limit
     return f"{'free to' if free else 'held; may'} {what}: +-{value:.2g} {unit} (95 %), the limit is {limit:g} {unit}"
 
 
-def _axis_in_words(axis: FloatArray, pivot: FloatArray, sockets: Sequence[Socket]) -> str:
-    where = f"the axis {_numbers(axis)} through ({pivot[0]:.1f}, {pivot[1]:.1f}, {pivot[2]:.1f}) mm"
+def _name(axis: FloatArray, pivot: FloatArray, sockets: Sequence[Socket]) -> str:
+    """What an axis is called, by the socket whose centre it passes."""
     for socket in sockets:
-        passes_by = float(np.linalg.norm(np.cross(axis, socket.centre - pivot)))
-        if passes_by < SAME_PLACE_MM:
+        if float(np.linalg.norm(np.cross(axis, socket.centre - pivot))) < SAME_PLACE_MM:
             along = abs(float(axis @ socket.axis)) > SAME_AXIS_COSINE
-            return f"the socket's axis, {where}" if along else f"the socket's centre, {where}"
-    return where
+            return "the socket's axis" if along else "the socket's centre"
+    return "one axis"
 
 
 def _numbers(vector: FloatArray) -> str:

@@ -10,20 +10,22 @@ import numpy as np
 import pytest
 
 from picoradar import registration
-from picoradar.registration import RobustSettings
+from picoradar.registration import ErrorBudget, RobustSettings
 from picoradar.registration.robust import register_robust
 from picoradar.registration.scan import NoiseModel, Scan, checked_scan
 from picoradar.registration.settings import TrustSettings
 from picoradar.registration.solution import Solution
-from picoradar.registration.trust.assess import RegistrationRequest, assess, pose_covariance
+from picoradar.registration.trust.assess import RegistrationRequest, assess
+from picoradar.registration.trust.covariance import inverse_information
 
-REQUEST = RegistrationRequest(targets=None, tolerance=registration.Tolerance(), range_bias_mm=0.0)
+REQUEST = RegistrationRequest(targets=None, tolerance=registration.Tolerance(), budget=ErrorBudget(range_bias_mm=0.0))
 SETTINGS = RobustSettings()
 
 
 def test_a_motion_that_nothing_holds_has_a_metre_of_standard_deviation() -> None:
     """At the points' radius, where it turns; the others have one over their information."""
-    found = pose_covariance(np.diag([0.0, 400.0, 100.0, 4.0, 1.0, 0.0]), 10.0, TrustSettings().free_mm)
+    scale = np.array([0.1] * 3 + [1.0] * 3)
+    found = inverse_information(np.diag([0.0, 400.0, 100.0, 4.0, 1.0, 0.0]), scale, TrustSettings().free_mm)
     np.testing.assert_allclose(np.diag(found), [1e4, 1 / 400, 1 / 100, 1 / 4, 1.0, 1e6])
 
 
@@ -92,7 +94,9 @@ def test_an_error_that_nobody_knows_is_not_a_number_and_never_a_pass(
     assert (unknown.verdict, known.verdict) == ("caution", "pass")
     assert np.isnan(unknown.targets[0].bias_mm)
     assert unknown.to_dict()["targets"][0]["stated_mm"] is None
-    assert known.targets[0].stated_mm == known.targets[0].p95_mm == unknown.targets[0].p95_mm
+    assert known.targets[0].p95_mm == unknown.targets[0].p95_mm
+    assert known.targets[0].bias_parts_mm["mirror scale"] > 0.0
+    assert "range" not in known.targets[0].bias_parts_mm
     assert len(unknown.reasons) == 1
 
 

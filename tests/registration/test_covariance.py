@@ -7,14 +7,15 @@ import pytest
 from scipy.special import chdtri
 
 from picoradar.registration.scan import MIN_POINTS
+from picoradar.registration.trust.budget import Socket
 from picoradar.registration.trust.covariance import (
-    Stiffness,
     chi_square_quantile,
-    describe_weakness,
     patch_misfit_mm,
     quantile_mm,
     stiffness,
 )
+from picoradar.registration.trust.evidence import Tolerance
+from picoradar.registration.trust.words import describe_weakness
 
 
 def clumps(count: int, size: int = 9) -> np.ndarray:
@@ -85,33 +86,53 @@ def test_quantiles_between_follow_the_three_cumulants() -> None:
     assert quantile_mm(np.diag([1.0, 4.0, 0.0])) == pytest.approx(np.sqrt(expected), rel=1e-9)
 
 
-FOUND = Stiffness(np.ones(6), np.eye(6), 10.0)
-CENTRE = np.array([1.0, 2.0, 3.0])
+CENTRE, RADIUS_MM, CLINIC = np.array([1.0, 2.0, 3.0]), 10.0, Tolerance(1.0, 1.0)
 
 
 @pytest.mark.parametrize(
     ("motion", "words"),
     [
-        ([0.0, 0.0, 0.0, 0.0, 0.6, 0.8], "sliding along (+0.00, +0.60, +0.80), SD 0.50 mm"),
-        ([0.19, 0.0, 0.0, 0.0, -0.9, 0.0], "sliding along (+0.00, -1.00, +0.00), SD 0.50 mm"),
-        ([0.2, 0.0, 0.0, 0.0, 0.0, 0.1], "turning about the axis (+1.00, +0.00, +0.00) through (1.0, -3.0, 3.0) mm"),
-        ([0.0, 0.0, 1.0, 0.0, -0.5, 0.0], "turning about the axis (+0.00, +0.00, +1.00) through (6.0, 2.0, 3.0) mm"),
-        ([0.0, 0.0, 0.5, 0.0, -0.5, 0.0], "turning about the axis (+0.00, +0.00, +1.00) through (11.0, 2.0, 3.0) mm"),
-        ([0.0, 0.0, 1.0, 0.0, 0.0, 0.2], "turning about the axis (+0.00, +0.00, +1.00) through (1.0, 2.0, 3.0) mm"),
-        ([0.0, 0.0, 1.0, 0.0, 0.0, 0.19], "turning about the axis (+0.00, +0.00, +1.00) through (1.0, 2.0, 3.0) mm"),
+        (
+            [0.0, 0.0, 0.0, 0.0, 0.6, 0.8],
+            "free to slide: +-2 mm (95 %), the limit is 1 mm; sliding along (+0.00, +0.60",
+        ),
+        (
+            [0.0, 0.0, 0.0, 0.0, 0.3, 0.4],
+            "held; may slide: +-0.98 mm (95 %), the limit is 1 mm; sliding along (+0.00, ",
+        ),
+        ([0.019, 0.0, 0.0, 0.0, -0.95, 0.0], "free to slide: +-1.9 mm (95 %)"),
+        (
+            [0.02, 0.0, 0.0, 0.0, 0.0, 0.1],
+            "free to rotate about one axis: +-2.2 deg (95 %), the limit is 1 deg; turning",
+        ),
+        ([0.02, 0.0, 0.0, 0.0, 0.0, 0.1], "turning about the axis (+1.00, +0.00, +0.00) through (1.0, -3.0, 3.0) mm"),
+        ([0.0, 0.0, 0.1, 0.0, -0.5, 0.0], "turning about the axis (+0.00, +0.00, +1.00) through (6.0, 2.0, 3.0) mm"),
+        ([0.0, 0.0, 0.008, 0.0, 0.0, 0.0], "held; may rotate about one axis: +-0.9 deg (95 %)"),
+        ([0.0, 0.0, 0.1, 0.0, 0.0, 0.21], "through (1.0, 2.0, 3.0) mm, advancing 13 mm a turn"),
+        ([0.0, 0.0, 0.1, 0.0, 0.0, -0.21], "through (1.0, 2.0, 3.0) mm, advancing -13 mm a turn"),
     ],
 )
 def test_motions_in_words(motion: list[float], words: str) -> None:
-    text = describe_weakness(FOUND, np.array(motion), CENTRE, 0.5)
-    turn = float(np.linalg.norm(motion[:3]))
-    angle = f", SD {np.degrees(0.5 / 10.0 * turn):.2f} deg" if words.startswith("turning") else ""
-    assert text == words + angle
+    assert words in describe_weakness(np.array(motion), CENTRE, RADIUS_MM, CLINIC)
 
 
-@pytest.mark.parametrize(("turn", "advance", "screw"), [(1.0, 0.21, 13), (1.0, -0.21, -13), (0.5, 0.15, 19)])
-def test_a_turn_that_advances_says_how_far(turn: float, advance: float, screw: int) -> None:
-    text = describe_weakness(FOUND, np.array([0.0, 0.0, turn, 0.0, 0.0, advance]), CENTRE, 0.5)
-    assert f"(1.0, 2.0, 3.0) mm, advancing {screw} mm a turn, SD {np.degrees(0.05 * turn):.2f} deg" in text
+def test_a_small_pitch_is_not_worth_a_word() -> None:
+    assert "advancing" not in describe_weakness(np.array([0.0, 0.0, 0.1, 0.0, 0.0, 0.19]), CENTRE, RADIUS_MM, CLINIC)
+
+
+@pytest.mark.parametrize(
+    ("centre", "axis", "name"),
+    [
+        ([1.0, -3.0, 3.0], [1.0, 0.0, 0.0], "free to rotate about the socket's axis: +-2.2 deg (95 %), the limit is 1"),
+        ([40.0, 1.9, 3.0], [-1.0, 0.0, 0.0], "about the socket's axis"),  # anywhere along it, 4.9 mm beside
+        ([1.0, -3.0, 3.0], [0.0, 1.0, 0.0], "about the socket's centre"),
+        ([1.0, 2.1, 3.0], [1.0, 0.0, 0.0], "about one axis"),
+    ],
+)
+def test_an_axis_has_the_name_of_the_socket_that_it_passes(centre: list[float], axis: list[float], name: str) -> None:
+    socket = Socket(np.array(centre), 26.0, np.array(axis), np.zeros((0, 3)))
+    motion = np.array([0.02, 0.0, 0.0, 0.0, 0.0, 0.1])  # about x, through (1, -3, 3)
+    assert name in describe_weakness(motion, CENTRE, RADIUS_MM, CLINIC, [socket])
 
 
 def test_the_chi_square_quantile_of_few_degrees() -> None:

@@ -17,14 +17,15 @@ from picoradar.registration.se3 import displacement_covariance
 from picoradar.registration.settings import RobustSettings
 from picoradar.registration.solution import Rival
 from picoradar.registration.trust import RegistrationRequest
-from picoradar.registration.trust.assess import assess, pose_covariance
+from picoradar.registration.trust.assess import assess
 from picoradar.registration.trust.covariance import (
     chi_square_quantile,
-    describe_weakness,
+    inverse_information,
     patch_misfit_mm,
     quantile_mm,
     stiffness,
 )
+from picoradar.registration.trust.words import describe_weakness
 
 
 def sphere_patch(count: int, cap: float = np.pi) -> tuple[np.ndarray, np.ndarray]:
@@ -75,8 +76,8 @@ def test_free_motions_are_counted(surface: tuple[np.ndarray, np.ndarray], free: 
     radius = float(np.sqrt(((points - centre) ** 2).sum(axis=1).mean()))
     found = stiffness(plane_rows(points, normals, centre), np.ones(len(points)), radius)
     assert int((found.eigenvalues < 1e-9 * found.eigenvalues[-1]).sum()) == free
-    text = describe_weakness(found, found.motions[:, 0], centre, 1.0)
-    assert "SD" in text
+    motion = found.motions[:, 0] * np.array([1 / radius] * 3 + [1.0] * 3)
+    assert "(95 %), the limit is" in describe_weakness(motion, centre, radius, registration.Tolerance())
 
 
 def test_hemispherical_cup() -> None:
@@ -103,7 +104,8 @@ def test_predicted_tre_of_the_ellipsoid(region: Callable[[np.ndarray], np.ndarra
         points, normals = unit * axes, unit / axes
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         centre = points.mean(axis=0)
-        covariance = pose_covariance(information(plane_rows(points, normals, centre), np.full(300, 0.3)), 30.0, 1e3)
+        found = information(plane_rows(points, normals, centre), np.full(300, 0.3))
+        covariance = inverse_information(found, np.array([1 / 30.0] * 3 + [1.0] * 3), 1e3)
         values.append(np.sqrt(np.trace(displacement_covariance(covariance, np.array([0.0, 0.0, 60.0]) - centre))))
     assert np.mean(values) == pytest.approx(predicted, rel=0.15)
 
@@ -146,6 +148,8 @@ def test_a_rival_of_a_dense_scan_is_weighed_by_fewer_points(
     scan = checked_scan(scan_of(socket, 0, n=100).points)
     solved = register_robust(scan, socket, None, None, np.zeros((0, 4)), RobustSettings())
     rival = Rival(solved.model_from_scanner, solved.cost + nats / 1500.0, 9.0, 0.1)
-    request = RegistrationRequest(targets=None, tolerance=registration.Tolerance(), range_bias_mm=0.1)
+    request = RegistrationRequest(
+        targets=None, tolerance=registration.Tolerance(), budget=registration.ErrorBudget(range_bias_mm=0.1)
+    )
     assert len(scan) > 5000
     assert assess(scan, replace(solved, rivals=[rival]), request, [], RobustSettings()).verdict == verdict

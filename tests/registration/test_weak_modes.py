@@ -11,9 +11,17 @@ import pytest
 
 from picoradar import registration
 from picoradar.registration.model import Closest
-from picoradar.registration.refine import BeamFit, BeamFitter, along_weak_mode, alternatives_of, dispersion
+from picoradar.registration.refine import BeamFit, BeamFitter, alternatives_of, beside_weak, dispersion
 from picoradar.registration.scan import NoiseModel, Scan, checked_scan
-from picoradar.registration.se3 import inverse, pose, rotation_angle_deg, rotation_from_vector, small_motion, transform
+from picoradar.registration.se3 import (
+    inverse,
+    pose,
+    rotation_angle_deg,
+    rotation_from_vector,
+    small_motion,
+    transform,
+    vector_from_rotation,
+)
 from picoradar.registration.settings import RobustSettings, WeakModeSettings
 from picoradar.registration.solution import Alternative
 
@@ -38,11 +46,11 @@ def test_a_rotation_that_is_held_well_is_left_alone(socket: registration.Model, 
     scan = checked_scan(scan_of(socket, 0).points)
     fitted = fitting(scan, socket)
     best = fitted(scan_of(socket, 0).truth)
-    assert along_weak_mode(best, scan, fitted, WALK) == [best]
+    assert beside_weak(best, scan, fitted, WALK) == [best]
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_weak_one_is_fitted_from_both_sides(
+def test_a_weak_one_is_fitted_from_all_sides(
     socket: registration.Model, scan_of: Callable[..., Any], seed: int
 ) -> None:
     seen = scan_of(socket, 60 + seed)
@@ -50,12 +58,11 @@ def test_a_weak_one_is_fitted_from_both_sides(
     fitted = fitting(scan, socket)
     begun: list[np.ndarray] = []
     best = fitted(seen.truth)
-    ends = along_weak_mode(best, scan, lambda start: begun.append(start) or fitted(start), WALK)
+    ends = beside_weak(best, scan, lambda start: begun.append(start) or fitted(start), WALK)
     assert ends[0] is best
-    assert len(ends) == 3
-    first, second = (start @ inverse(best.model_from_scanner) for start in begun)
-    assert 0.5 < rotation_angle_deg(first[:3, :3]) < 12.0, "two standard deviations of a weak rotation"
-    np.testing.assert_allclose(first[:3, :3] @ second[:3, :3], np.eye(3), atol=1e-9, err_msg="to either side")
+    assert len(ends) == 13
+    turns = [rotation_angle_deg((start @ inverse(best.model_from_scanner))[:3, :3]) for start in begun]
+    np.testing.assert_allclose(sorted(turns), [2.0] * 6 + [4.0] * 6, atol=1e-6)
     found = registration.register(scan.points, socket, start=seen.truth)
     likeliest = max(ends, key=lambda end: end.log_likelihood)
     assert -found.cost >= likeliest.log_likelihood - 2.0 / len(scan), "the likeliest end is what is returned"
@@ -85,13 +92,39 @@ def test_an_alternative_may_be_half_a_turn_away() -> None:
     np.testing.assert_allclose(found, np.diag([0.0, 0.0, np.pi**2 / 2.0, 0.0, 0.0, 0.0]), atol=1e-9)
 
 
-def test_ends_are_weighted_by_their_likelihood(socket: registration.Model, scan_of: Callable[..., Any]) -> None:
-    scan = checked_scan(scan_of(socket, 0, n=20).points)
-    best = fitting(scan, socket)(scan_of(socket, 0, n=20).truth)
-    worse = replace(best, log_likelihood=best.log_likelihood - 5.0 / len(scan))
-    impossible = replace(best, log_likelihood=-np.inf)
-    weights = [end.weight for end in alternatives_of(best, [worse, best, impossible], len(scan), WALK)]
-    np.testing.assert_allclose(weights, [np.exp(-1.0), 0.0])
+def turned(best: np.ndarray, centre: np.ndarray, deg: float) -> np.ndarray:
+    return small_motion(np.radians([0.0, 0.0, deg, 0.0, 0.0, 0.0]), centre) @ best
+
+
+def test_other_minima_count_once_and_by_their_likelihood() -> None:
+    """Those within three standard deviations of the pose, or of a likelier end, are the same minimum."""
+    best = pose(rotation_from_vector(np.array([0.3, -0.2, 0.5])), np.array([1.0, 2.0, 900.0]))
+    scan, fit = on_levers(best)
+    centre, sd_deg = np.array([5.0, -3.0, 2.0]), float(np.degrees(SD_RAD[2]))
+    fold = WALK.e_fold_nats / len(scan)
+    ends = [
+        (turned(best, centre, 2.9 * sd_deg), -1.0 * fold),
+        (turned(best, centre, 20.0 * sd_deg), -2.0 * fold),
+        (turned(best, centre, 10.0 * sd_deg), -1.0 * fold),
+        (turned(best, centre, 12.9 * sd_deg), -3.0 * fold),
+        (turned(best, centre, -10.0 * sd_deg), -20.0 * fold),
+        (turned(best, centre, -20.0 * sd_deg), -np.inf),
+    ]
+    fits = [replace(fit, model_from_scanner=end, log_likelihood=likelihood) for end, likelihood in ends]
+    found = alternatives_of(fit, [fit, *fits], scan, len(scan), WALK)
+    np.testing.assert_allclose([end.weight for end in found], np.exp([-1.0, -2.0]))
+    assert found[0].model_from_scanner is ends[2][0]
+
+
+def test_doubt_about_tissue_takes_information_away() -> None:
+    """Half of it for each point: twice the variance, and three standard deviations reach farther."""
+    best = pose(rotation_from_vector(np.array([0.3, -0.2, 0.5])), np.array([1.0, 2.0, 900.0]))
+    scan, sure = on_levers(best)
+    doubtful = replace(sure, observed=0.5 * sure.inliers / SIGMA_MM**2)
+    centre, sd_deg = np.array([5.0, -3.0, 2.0]), float(np.degrees(SD_RAD[2]))
+    end = replace(sure, model_from_scanner=turned(best, centre, 4.0 * sd_deg))
+    assert len(alternatives_of(sure, [end], scan, len(scan), WALK)) == 1
+    assert not alternatives_of(doubtful, [end], scan, len(scan), WALK)
 
 
 LEVERS_MM = np.array([4.0, 10.0, 6.0])
@@ -121,29 +154,30 @@ def begun_from(settings: WeakModeSettings) -> list[np.ndarray]:
     best = pose(rotation_from_vector(np.array([0.3, -0.2, 0.5])), np.array([1.0, 2.0, 900.0]))
     scan, fit = on_levers(best)
     starts: list[np.ndarray] = []
-    ends = along_weak_mode(fit, scan, lambda start: starts.append(start) or fit, settings)
+    ends = beside_weak(fit, scan, lambda start: starts.append(start) or fit, settings)
     assert ends == [fit] * (1 + len(starts))
     return [start @ inverse(best) for start in starts]
 
 
-@pytest.mark.parametrize(("max_sd_rad", "sd_rad"), [(1.0, SD_RAD[0]), (0.02, 0.02)])
-def test_the_weakest_rotation_is_walked_by_its_standard_deviations(max_sd_rad: float, sd_rad: float) -> None:
-    """About x, which is held by the shortest lever; no standard deviation counts for more than its limit."""
-    begun = begun_from(WeakModeSettings(walk_sd=1.5, max_sd_rad=max_sd_rad))
-    about_x = [np.array([sign * 1.5 * sd_rad, 0.0, 0.0, 0.0, 0.0, 0.0]) for sign in (-1.0, 1.0)]
-    expected = [small_motion(x, np.array([5.0, -3.0, 2.0])) for x in about_x]
-    if begun[0][1, 2] < 0.0:  # an eigenvector may point either way
-        begun = begun[::-1]
-    np.testing.assert_allclose(begun, expected, atol=1e-9)
+def test_the_worst_held_axes_are_turned_about() -> None:
+    """About x, which is held by the shortest lever, and then about z."""
+    begun = begun_from(WeakModeSettings(walk_deg=(3.0,), walked_axes=2))
+    turns = np.degrees([vector_from_rotation(motion[:3, :3]) for motion in begun])
+    expected = np.array([[3.0, 0.0, 0.0], [0.0, 0.0, 3.0]])
+    for k in range(2):
+        np.testing.assert_allclose(np.abs(turns[2 * k : 2 * k + 2]), expected[[k, k]], atol=1e-9)
+        np.testing.assert_allclose(turns[2 * k], -turns[2 * k + 1], atol=1e-9, err_msg="to either side")
+    for motion in begun:
+        np.testing.assert_allclose(transform(motion, np.array([[5.0, -3.0, 2.0]]))[0], [5.0, -3.0, 2.0], atol=1e-9)
 
 
 def test_it_is_walked_from_a_total_spread_on() -> None:
     """The root of the three variances' sum."""
     spread_deg = float(np.degrees(np.sqrt(np.sum(SD_RAD**2))))
-    assert len(begun_from(WeakModeSettings(min_rotation_sd_deg=spread_deg - 1e-3))) == 2
+    assert len(begun_from(WeakModeSettings(min_rotation_sd_deg=spread_deg - 1e-3))) == 12
     assert not begun_from(WeakModeSettings(min_rotation_sd_deg=spread_deg + 1e-3))
 
 
 def test_of_few_points_no_motion_is_told() -> None:
-    assert len(begun_from(WeakModeSettings(min_points=6 * TIMES))) == 2
+    assert len(begun_from(WeakModeSettings(min_points=6 * TIMES))) == 12
     assert not begun_from(WeakModeSettings(min_points=6 * TIMES + 1))
