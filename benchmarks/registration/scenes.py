@@ -18,6 +18,8 @@ CASES = {
     "D": {"n": 1474, "outlier": 0.42, "top": 9.3, "step": 1.05, "window": "socket", "anywhere": True},
     # most of what is seen is tissue
     "E": {"n": 1474, "outlier": 0.60, "top": 9.3, "step": 1.05, "window": "socket"},
+    # as E, but seven tenths of it
+    "F": {"n": 1474, "outlier": 0.70, "top": 9.3, "step": 1.05, "window": "socket"},
 }
 INITS = {
     # rotation (deg), shift (mm), exact magnitude or "up to"
