@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from picoradar.drivers.errors import parse_json, read_text
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.events import JsonObject
+
+if TYPE_CHECKING:
+    from picoradar.registration import ErrorBudget
 
 
 def read_list(path: Path | None, option: str) -> list[JsonObject] | None:
@@ -45,6 +48,17 @@ def read_regions(path: Path | None) -> list[JsonObject] | None:
     from picoradar.registration.refine import excluded_regions
 
     return _read_checked(path, "--exclude", excluded_regions)
+
+
+def read_budget(path: Path | None) -> ErrorBudget | None:
+    """Read the error budget: a JSON object of standard deviations; refused like `read_targets`."""
+    from picoradar.registration import ErrorBudget
+
+    if path is None:
+        return None
+    content = _read_json(path, "--budget")
+    _refused_in(f"--budget {path}", ErrorBudget.from_mapping, content)
+    return ErrorBudget.from_mapping(content)
 
 
 def _read_checked(path: Path | None, option: str, check: Callable[[Any], object]) -> list[JsonObject] | None:

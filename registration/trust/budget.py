@@ -8,7 +8,7 @@ error (:func:`error_columns`) says how it changes the residuals; how the pose fo
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -91,6 +91,25 @@ class ErrorBudget:
             raise RegistrationError(
                 "model_correlation_mm is 0: give the length over which the model's error is the same"
             )
+
+    @classmethod
+    def from_mapping(cls, entries: Mapping[str, float | None]) -> ErrorBudget:
+        """Make a budget of ``{"range_bias_mm": 0.4, "model_offset_mm": 0.3, ...}``; what is not in it is as usual.
+
+        Raises
+        ------
+        RegistrationError
+            For a name that no entry has, and for what is no standard deviation.
+        """
+        names = [entry.name for entry in fields(cls)]
+        if not isinstance(entries, Mapping):
+            raise RegistrationError(f"an error budget is an object with any of: {', '.join(names)}")
+        for name, value in entries.items():
+            if name not in names:
+                raise RegistrationError(f"the error budget has no entry {name!r}: give any of {', '.join(names)}")
+            if not (isinstance(value, int | float) or (value is None and name == "range_bias_mm")):
+                raise RegistrationError(f"{name} is {value!r}: give a number, one standard deviation of what remains")
+        return cls(**{name: float(value) for name, value in entries.items() if value is not None})
 
     @property
     def biases(self) -> dict[str, float]:

@@ -27,6 +27,11 @@ from picoradar.instrument.cli.main import run
         ("--landmarks", '[{"scanner": [0, 0, 1]}]', "model"),
         ("--start", '{"towards": [0, 0, 1]}', "half_angle_deg"),
         ("--start", '{"towards": [0, 0, 0], "half_angle_deg": 10}', "no direction"),
+        ("--budget", '{"mirror_size": 0.1}', "no entry 'mirror_size'"),
+        ("--budget", '{"model_offset_mm": -0.5}', "model_offset_mm is -0.5"),
+        ("--budget", '{"model_scale": "large"}', "model_scale is 'large'"),
+        ("--budget", '{"walk_mm": null}', "walk_mm is None"),
+        ("--budget", "[0.5]", "an error budget is an object"),
         ("--start", '{"half_angle_deg": 10}', "neither a 4x4 matrix nor a cone"),
     ],
 )

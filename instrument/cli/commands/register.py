@@ -12,14 +12,14 @@ import typer
 
 from picoradar.instrument.cli import output
 from picoradar.instrument.cli.options import Json, LandmarksFile, TargetsFile, parse_numbers
-from picoradar.instrument.cli.register_inputs import read_regions, read_start, read_targets
+from picoradar.instrument.cli.register_inputs import read_budget, read_regions, read_start, read_targets
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.events import JsonObject
 
 if TYPE_CHECKING:
     from picoradar.instrument.calibration import ZeroCheck
     from picoradar.instrument.files.points import PointFile
-    from picoradar.registration import Registration, Target, Tolerance
+    from picoradar.registration import ErrorBudget, Registration, Target, Tolerance
 
 Method = Annotated[str, typer.Option(help="robust, or dissertation (ICP of the thesis; needs landmarks or a pose).")]
 Start = Annotated[
@@ -43,6 +43,22 @@ ToleranceOption = Annotated[
     ),
 ]
 
+RegionsFile = Annotated[
+    Path | None, typer.Option("--exclude", help='JSON list of {"center": [x,y,z], "radius_mm": r}, model frame.')
+]
+Origin = Annotated[str | None, typer.Option("--scanner-origin", help="Where the beams came from: x,y,z in mm.")]
+Noise = Annotated[float | None, typer.Option(help="Range noise of a point, mm; estimated when not given.")]
+SigmaModel = Annotated[
+    float | None, typer.Option(help="SD of the model's surface, mm: random over it (facets 0.02, a CT of 1 mm 0.1).")
+]
+ModelOffset = Annotated[
+    float | None, typer.Option(help="SD of the model being too large or small all over, mm: threshold of the CT.")
+]
+Budget = Annotated[
+    Path | None,
+    typer.Option(help='JSON with these and other standard deviations of what remains: {"mirror_scale": 0.001, ...}.'),
+]
+
 
 def add_to(app: typer.Typer) -> None:
     """Register the subcommand."""
@@ -57,14 +73,13 @@ def register(
     model: Annotated[Path, typer.Argument(help="Mesh as .stl .ply .obj .glb .vtp (mm).")],
     landmarks: LandmarksFile = None,
     targets: TargetsFile = None,
-    exclude: Annotated[
-        Path | None, typer.Option(help='JSON list of {"center": [x,y,z], "radius_mm": r}, model frame.')
-    ] = None,
-    scanner_origin: Annotated[str | None, typer.Option(help="Where the beams came from: x,y,z in mm.")] = None,
-    noise_mm: Annotated[
-        float | None, typer.Option(help="Range noise of a point, mm; estimated when not given.")
-    ] = None,
+    exclude: RegionsFile = None,
+    scanner_origin: Origin = None,
+    noise_mm: Noise = None,
     range_bias_mm: RangeBias = None,
+    sigma_model_mm: SigmaModel = None,
+    model_offset_mm: ModelOffset = None,
+    budget: Budget = None,
     tolerance: ToleranceOption = None,
     method: Method = "robust",
     start: Start = "any",
@@ -77,8 +92,9 @@ def register(
 
     chosen, allowed = checked_method(method), parse_tolerance(tolerance)
     begin, places, regions = read_start(start, landmarks), read_targets(targets), read_regions(exclude)
+    stated = read_budget(budget)
     points = read_points(cloud)
-    check, known = zero.check_of_points(cloud, points), range_error_taken(cloud, points, range_bias_mm)
+    check, known = zero.check_of_points(cloud, points), range_error_taken(cloud, points, range_bias_mm, stated)
     began = time.perf_counter()
     prepared = reg.load_model(model)
     prepared_at = time.perf_counter()
@@ -94,6 +110,9 @@ def register(
         targets=places,
         noise_mm=noise_mm,
         range_bias_mm=known["sd_mm"],
+        sigma_model_mm=sigma_model_mm,
+        model_offset_mm=model_offset_mm,
+        budget=stated,
         exclude=regions,
         tolerance=allowed,
         objections=zero.objections(check),
@@ -108,14 +127,24 @@ def register(
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
 
 
-def range_error_taken(cloud: Path, points: PointFile, said_mm: float | None) -> JsonObject:
-    """Return material, bias and standard deviation of the common range error, and where the last is from."""
-    known = points.about.range_error
+def range_error_taken(
+    cloud: Path, points: PointFile, said_mm: float | None, budget: ErrorBudget | None = None
+) -> JsonObject:
+    """Return material, bias and standard deviation of the common range error, and where the last is from.
+
+    As said, as the budget has it, or as the points' file knows it.
+    """
+    known, in_budget = points.about.range_error, None if budget is None else budget.range_bias_mm
+    sd_mm, source = points.range_bias_mm, None if known is None else cloud.name
+    if said_mm is not None:
+        sd_mm, source = said_mm, "--range-bias-mm"
+    elif in_budget is not None:
+        sd_mm, source = in_budget, "--budget"
     return {
         "material": None if known is None else known.material,
         "bias_mm": None if known is None else known.bias_mm,
-        "sd_mm": points.range_bias_mm if said_mm is None else said_mm,
-        "source": "--range-bias-mm" if said_mm is not None else None if known is None else cloud.name,
+        "sd_mm": sd_mm,
+        "source": source,
     }
 
 
@@ -183,6 +212,8 @@ def show(result: Registration, check: ZeroCheck | None, known: JsonObject) -> No
     for target in result.targets:
         random = f"{target.rms_mm:.3f} rms, {target.p95_mm:.3f} in 95 %"
         rows[f"predicted error at {target.name}, mm"] = f"{random}; {in_words(target)}"
+    for number, motion in enumerate(result.weak_directions, start=1):
+        rows[f"motion {number}"] = motion
     for rival in result.rivals:
         rows["rival pose"] = f"{rival.rotation_deg:.1f} deg, {rival.translation_mm:.1f} mm away"
     rows["model_from_scanner"] = "\n".join(" ".join(f"{v:10.5f}" for v in row) for row in result.model_from_scanner)
@@ -201,7 +232,9 @@ def range_error_in_words(known: JsonObject) -> str:
 
 
 def in_words(target: Target) -> str:
-    """Say what a common range error adds at a target."""
+    """Say what errors that leave no trace in the residuals add at a target."""
     if math.isnan(target.bias_mm):
         return "a common range error was never measured"
-    return f"with a common range error (SD {target.bias_mm:.3f}) {target.stated_mm:.3f}"
+    parts = sorted(target.bias_parts_mm.items(), key=lambda part: -part[1])
+    most = f", most of it {parts[0][0]}" if len(parts) > 1 else ""
+    return f"with what leaves no trace (SD {target.bias_mm:.3f}{most}) {target.stated_mm:.3f}"
