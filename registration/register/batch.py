@@ -14,7 +14,7 @@ from picoradar.registration.classic import DissertationSettings, solve_as_disser
 from picoradar.registration.errors import RegistrationError, StartError
 from picoradar.registration.model import Model
 from picoradar.registration.refine import excluded_regions
-from picoradar.registration.robust import register_robust, without_dark_points
+from picoradar.registration.robust import fitted_again, register_robust, without_dark_points
 from picoradar.registration.scan import Scan, checked_scan, weighted_by_response
 from picoradar.registration.search import Cone, Start, checked_start
 from picoradar.registration.settings import RobustSettings
@@ -27,6 +27,7 @@ from picoradar.registration.trust import (
     Socket,
     Tolerance,
     named_targets,
+    taken_off,
 )
 from picoradar.registration.trust.assess import assess
 
@@ -152,6 +153,13 @@ def register(
         raise RegistrationError(f"method is {method!r}: give 'robust' or 'dissertation'")
     sockets = [Socket(view.centre, view.radius_mm, view.axis, model.vertices) for view in model.views if view.is_socket]
     request = RegistrationRequest(targets, tolerance or Tolerance(), known, objections, sockets)
+    for _ in range(robust.trust.max_refits if method == "robust" else 0):
+        if (taken := taken_off(scan, solution, request.known, robust.trust)) is None:
+            break
+        scan = scan.moved_along(taken[0])
+        request = replace(request, taken=taken[1])
+        noise_known = noise_mm is not None or scan.noise_known
+        solution = fitted_again(scan, model, solution, regions, robust, noise_known=noise_known)
     return assess(scan, solution, request, list(model.report.findings), robust)
 
 

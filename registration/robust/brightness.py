@@ -16,7 +16,7 @@ from picoradar.registration.model import Model
 from picoradar.registration.refine import BeamFitter, outside_regions
 from picoradar.registration.robust.schedule import register_near
 from picoradar.registration.scan import Scan
-from picoradar.registration.se3 import transform
+from picoradar.registration.se3 import inverse, transform
 from picoradar.registration.settings import BrightnessSettings, RobustSettings
 from picoradar.registration.solution import Solution
 
@@ -31,6 +31,38 @@ def relative_brightness(
     reflected = settings.grazing_share + (1.0 - settings.grazing_share) * cosine
     brightness = response_mv * ranges**2 / reflected
     return np.asarray(brightness / np.median(brightness[solution.inliers]), dtype=np.float64)
+
+
+def bright_points(scan: Scan, solution: Solution, settings: RobustSettings) -> BoolArray:
+    """Points (N,) that are as bright as bone; all of them where amplitudes tell nothing of it."""
+    s, all_of_them = settings.brightness, np.ones(len(scan), dtype=np.bool_)
+    if scan.response_mv is None or solution.inliers.mean() < settings.trust.min_inlier_share:
+        return all_of_them  # the registration fails anyway, and its inliers are no measure of bone
+    if np.median(scan.response_mv[solution.inliers]) <= 0.0:
+        return all_of_them  # no amplitudes at all
+    bright: BoolArray = relative_brightness(scan, scan.response_mv, solution, s) > s.min_share
+    return bright if bright[solution.inliers].mean() >= s.min_bright_inliers else all_of_them
+
+
+def fitted_again(
+    scan: Scan, model: Model, solution: Solution, regions: FloatArray, settings: RobustSettings, *, noise_known: bool
+) -> Solution:
+    """The solution after another beam fit from it, of points that were moved a little since."""
+    allowed = bright_points(scan, solution, settings)
+    allowed &= outside_regions(transform(solution.model_from_scanner, scan.points), regions)
+    fitter = BeamFitter(scan, model.surface, solution.noise, solution.around, noise_known, settings, solution.edges)
+    fit = fitter.fit(solution.model_from_scanner, allowed)
+    moved = fit.model_from_scanner @ inverse(solution.model_from_scanner)
+    return replace(
+        solution,
+        model_from_scanner=fit.model_from_scanner,
+        closest=fit.closest(scan, model.surface),
+        inliers=fit.inliers,
+        history=[*solution.history, *fit.history],
+        noise=fit.noise,
+        alternatives=[replace(end, model_from_scanner=moved @ end.model_from_scanner) for end in solution.alternatives],
+        observed=fit.observed,
+    )
 
 
 def without_dark_points(
@@ -50,12 +82,8 @@ def without_dark_points(
     settings : RobustSettings
     """
     s = settings.brightness
-    if scan.response_mv is None or solution.inliers.mean() < settings.trust.min_inlier_share:
-        return solution  # the registration fails anyway, and its inliers are no measure of bone
-    if np.median(scan.response_mv[solution.inliers]) <= 0.0:
-        return solution  # no amplitudes at all
-    bright: BoolArray = relative_brightness(scan, scan.response_mv, solution, s) > s.min_share
-    if bright.all() or bright[solution.inliers].mean() < s.min_bright_inliers:
+    bright = bright_points(scan, solution, settings)
+    if bright.all():
         return solution
     near = register_near(scan.thinned(s.search_points, bright), model, solution.model_from_scanner, regions, settings)
     pose = near.model_from_scanner

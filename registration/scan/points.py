@@ -96,6 +96,10 @@ class Scan:
             scattered=self.raster is None,
         )
 
+    def moved_along(self, by_mm: FloatArray) -> Scan:
+        """Points farther along their beams by (N,) mm."""
+        return replace(self, points=self.points + self.beams * by_mm[:, None], grid=self.raster)
+
     def thinned(self, count: int, among: BoolArray | None = None) -> Scan:
         """About `count` points, evenly spread in the raster; drawn at random where that cannot be.
 

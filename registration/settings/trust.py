@@ -39,7 +39,7 @@ class TrustSettings:
     """Probability of a rotation beyond the tolerance from which on the verdict is a caution: of all that pass, few come
     near it, and one in 2000 may be wrong."""
 
-    max_halves: float = 1.6
+    max_halves: float = 2.0
     """How far the poses of two halves may be apart, in shares of what noise allows in 95 % of all cases."""
 
     shown_sds: float = 4.0
@@ -47,6 +47,13 @@ class TrustSettings:
 
     shown_share: float = 0.2
     """Shift that it causes at a target, as a share of the tolerance, from which on the verdict is a caution."""
+
+    refit_mm: float = 0.05
+    """What the points show of the budget's errors is taken off them, and the pose fitted again, where it changes the
+    residuals by more than this (root mean square): a shift of the points changes which of them are taken for bone."""
+
+    max_refits: int = 3
+    """Times that this is done at most."""
 
     free_mm: float = 1e3
     """Standard deviation given to a motion that nothing holds [eq. 10]."""

@@ -6,7 +6,7 @@ Equation numbers are those of ``docs/registration.md``.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -16,16 +16,22 @@ import numpy.typing as npt
 
 from picoradar.registration._types import FloatArray
 from picoradar.registration.errors import RegistrationError
-from picoradar.registration.refine import motion_between
 from picoradar.registration.scan import Scan
 from picoradar.registration.se3 import displacement_covariance, orthonormalised, small_motion
 from picoradar.registration.settings import RobustSettings, TrustSettings
-from picoradar.registration.solution import Rival, Solution, residual_measures
+from picoradar.registration.solution import Solution, residual_measures
 from picoradar.registration.trust.budget import ErrorBudget, Socket
 from picoradar.registration.trust.checks import checks_of
 from picoradar.registration.trust.covariance import Target
 from picoradar.registration.trust.evidence import Evidence, Objection, ShownError, Tolerance
-from picoradar.registration.trust.fit import Assessed
+from picoradar.registration.trust.fit import Assessed, Known
+from picoradar.registration.trust.minima import (
+    minima_of,
+    plausible_rivals,
+    rivals_as_ends,
+    shift_at,
+    unseen_probability,
+)
 from picoradar.registration.trust.mixture import Mixture
 from picoradar.registration.trust.result import Registration
 from picoradar.registration.trust.verdict import judge
@@ -48,6 +54,8 @@ class RegistrationRequest:
         What speaks against the points.
     sockets : sequence of Socket
         Of the model.
+    taken : mapping of name to float
+        Errors of the budget that were taken off the points already.
     """
 
     targets: npt.ArrayLike | Sequence[dict[str, Any]] | None
@@ -55,6 +63,12 @@ class RegistrationRequest:
     budget: ErrorBudget = field(default_factory=ErrorBudget)
     objections: Sequence[Objection] = ()
     sockets: Sequence[Socket] = ()
+    taken: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def known(self) -> Known:
+        """What is known beside the points."""
+        return Known(self.budget, self.sockets, self.taken)
 
 
 def assess(
@@ -71,7 +85,7 @@ def assess(
         What validation of the model found.
     settings : RobustSettings
     """
-    fit = Assessed.of(scan, solution, request.budget, request.sockets, settings.trust)
+    fit = Assessed.of(scan, solution, request.known, settings.trust)
     pose = orthonormalised(small_motion(fit.motion, fit.centre) @ solution.model_from_scanner)
     residuals = solution.closest.signed_mm.copy()
     residuals[fit.points.at] += fit.points.rows @ fit.motion
@@ -122,42 +136,6 @@ def assess(
     )
 
 
-def unseen_probability(fit: Assessed, settings: TrustSettings) -> float:
-    """Probability of a minimum beside the pose that no fit reached [eq. 16]: it grows with the square of the rotation's
-    spread, and with the share of tissue, whose clumps make such minima."""
-    spread_deg = float(np.degrees(np.sqrt(max(0.0, np.trace(fit.own[:3, :3])))))
-    bone = float(fit.used.mean())
-    odds = (spread_deg / settings.unseen_deg) ** 2 * (1.0 - bone) / bone
-    return odds / (1.0 + odds)
-
-
-def plausible_rivals(solution: Solution, points: int, settings: TrustSettings) -> list[Rival]:
-    """Rivals that may be the truth, by so many independent points."""
-    return [r for r in solution.rivals if (r.cost - solution.cost) * points < settings.plausible_nats]
-
-
-def rivals_as_ends(
-    rivals: Sequence[Rival], solution: Solution, points: int, centre: FloatArray, settings: RobustSettings
-) -> list[tuple[FloatArray, float]]:
-    """Poses and weights [eq. 12] of rivals that are no end beside the pose already."""
-    found, nats = [], settings.weak_mode.e_fold_nats
-    for rival in rivals:
-        apart = [
-            motion_between(end.model_from_scanner, rival.model_from_scanner, centre) for end in solution.alternatives
-        ]
-        same = settings.search.same_mm, np.radians(settings.search.same_deg)
-        if not any(np.linalg.norm(x[3:]) < same[0] and np.linalg.norm(x[:3]) < same[1] for x in apart):
-            found.append((rival.model_from_scanner, math.exp(min(0.0, solution.cost - rival.cost) * points / nats)))
-    return found
-
-
-def minima_of(
-    solution: Solution, fit: Assessed, ends: Sequence[tuple[FloatArray, float]]
-) -> list[tuple[FloatArray, float]]:
-    """Motions (6,) from the pose to other minima, with their weights."""
-    return [(motion_between(solution.model_from_scanner, pose, fit.centre), weight) for pose, weight in ends]
-
-
 def _evidence(
     scan: Scan, solution: Solution, fit: Assessed, request: RegistrationRequest, settings: RobustSettings
 ) -> Evidence:
@@ -187,11 +165,6 @@ def _evidence(
             if places and not solution.edges  # beside edges the pose does not follow in proportion
         ],
     )
-
-
-def shift_at(motion: FloatArray, position: FloatArray, centre: FloatArray) -> FloatArray:
-    """Shift (3,) of a target by a small motion (6,) about `centre` (3,)."""
-    return np.asarray(motion[3:] + np.cross(motion[:3], position - centre), dtype=np.float64)
 
 
 def predicted(

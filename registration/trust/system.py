@@ -61,18 +61,9 @@ class Points:
         """Those of a solution that count, or whose doubt does."""
         observed = solution.observed if solution.observed is not None else used / sigma**2
         on = np.flatnonzero((observed != 0.0) | used)
-        pose, normals = solution.model_from_scanner, solution.closest.normals[on]
-        places = transform(pose, scan.points[on])
-        centre = np.asarray(places[used[on]].mean(axis=0), dtype=np.float64)
-        seen = Seen(
-            places=places,
-            normals=normals,
-            beams=scan.beams[on] @ pose[:3, :3].T,
-            arms=places - transform(pose, scan.origin[None]),
-            mirrors=mirror_axes(scan.beams, pose[:3, :3]),
-            centre=centre,
-            sockets=sockets,
-        )
+        centre = np.asarray(transform(solution.model_from_scanner, scan.points[used]).mean(axis=0), dtype=np.float64)
+        seen = seen_by(scan, solution, on, centre, sockets)
+        places, normals = seen.places, seen.normals
         return cls(
             at=on,
             used=used[on],
@@ -84,6 +75,21 @@ class Points:
             line=None if scan.raster is None else scan.raster[on],
             radius_mm=float(np.sqrt(((places[used[on]] - centre) ** 2).sum(axis=1).mean())),
         )
+
+
+def seen_by(scan: Scan, solution: Solution, at: IntArray, centre: FloatArray, sockets: Sequence[Socket]) -> Seen:
+    """Where and how points `at` (M,) of a scan were seen."""
+    pose = solution.model_from_scanner
+    places = transform(pose, scan.points[at])
+    return Seen(
+        places=places,
+        normals=solution.closest.normals[at],
+        beams=scan.beams[at] @ pose[:3, :3].T,
+        arms=places - transform(pose, scan.origin[None]),
+        mirrors=mirror_axes(scan.beams, pose[:3, :3]),
+        centre=centre,
+        sockets=sockets,
+    )
 
 
 @dataclass(frozen=True)
@@ -118,11 +124,14 @@ class Solved:
         Motions by one standard deviation of each error of the budget, as much of it as the points do not show.
     motion : (6,) array
         What they show of these errors moves the pose by so much.
+    told : dict of name to float
+        What they show of them.
     """
 
     random: FloatArray
     biases: dict[str, FloatArray]
     motion: FloatArray
+    told: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -161,8 +170,8 @@ class System:
         score = rows.T @ (points.residual * weight)
         return cls(tuple(names), observed, noise, score, points.radius_mm, settings.free_mm)
 
-    def solved(self, budgeted: Mapping[str, float]) -> Solved:
-        """Pose and errors, with standard deviations of these beforehand.
+    def solved(self, budgeted: Mapping[str, float], taken: Mapping[str, float]) -> Solved:
+        """Pose and errors, with standard deviations of these beforehand; some was `taken` off the points already.
 
         Those are estimated which the points tell better than the budget; the others count in full.
         """
@@ -171,13 +180,15 @@ class System:
         block = [*range(6), *(places[name] for name in told)]
         prior = np.array([0.0] * 6 + [budgeted[name] ** -2 for name in told])
         inverse = self._inverse(block, prior)
-        found = -(inverse @ self.score[block])[6:]
+        already = np.array([0.0] * 6 + [taken.get(name, 0.0) for name in told])
+        found = -(inverse @ (self.score[block] + prior * already))[6:]
         answer = inverse[:6] @ self.noise[np.ix_(block, block)] @ inverse[:, :6]
         biases = {name: inverse[:6] @ self.information[block, places[name]] * sd for name, sd in budgeted.items()}
         biases |= {name: -inverse[:6, 6 + k] / budgeted[name] for k, name in enumerate(told)}
         pose_alone = self._inverse(block[:6], prior[:6])
         motion = -pose_alone @ self.information[:6, block[6:]] @ found
-        return Solved(np.asarray(answer, dtype=np.float64), biases, np.asarray(motion, dtype=np.float64))
+        values = dict(zip(told, found.tolist(), strict=True))
+        return Solved(np.asarray(answer, dtype=np.float64), biases, np.asarray(motion, dtype=np.float64), values)
 
     def shown(self, probed: Sequence[str], budgeted: Mapping[str, float], settings: TrustSettings) -> list[Shown]:
         """Errors that the points show beyond chance and beyond the budget, each alone beside the pose."""
