@@ -20,6 +20,7 @@ from picoradar.registration.search import Cone, Start, checked_start
 from picoradar.registration.settings import RobustSettings
 from picoradar.registration.solution import Solution
 from picoradar.registration.trust import (
+    Assessed,
     ErrorBudget,
     Objection,
     Registration,
@@ -153,14 +154,16 @@ def register(
         raise RegistrationError(f"method is {method!r}: give 'robust' or 'dissertation'")
     sockets = [Socket(view.centre, view.radius_mm, view.axis, model.vertices) for view in model.views if view.is_socket]
     request = RegistrationRequest(targets, tolerance or Tolerance(), known, objections, sockets)
+    fit = Assessed.of(scan, solution, request.known, robust.trust)
     for _ in range(robust.trust.max_refits if method == "robust" else 0):
-        if (taken := taken_off(scan, solution, request.known, robust.trust)) is None:
+        if (taken := taken_off(scan, solution, fit, request.known, robust.trust)) is None:
             break
         scan = scan.moved_along(taken[0])
         request = replace(request, taken=taken[1])
         noise_known = noise_mm is not None or scan.noise_known
         solution = fitted_again(scan, model, solution, regions, robust, noise_known=noise_known)
-    return assess(scan, solution, request, list(model.report.findings), robust)
+        fit = Assessed.of(scan, solution, request.known, robust.trust)
+    return assess(scan, solution, request, list(model.report.findings), robust, fit=fit)
 
 
 def _as_dissertation(

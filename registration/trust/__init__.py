@@ -4,10 +4,11 @@ from picoradar.registration.trust.assess import RegistrationRequest, named_targe
 from picoradar.registration.trust.budget import ErrorBudget, Socket
 from picoradar.registration.trust.covariance import Target
 from picoradar.registration.trust.evidence import Objection, Tolerance
-from picoradar.registration.trust.fit import taken_off
+from picoradar.registration.trust.fit import Assessed, taken_off
 from picoradar.registration.trust.result import Registration
 
 __all__ = [
+    "Assessed",
     "ErrorBudget",
     "Objection",
     "Registration",

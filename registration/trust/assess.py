@@ -72,7 +72,13 @@ class RegistrationRequest:
 
 
 def assess(
-    scan: Scan, solution: Solution, request: RegistrationRequest, findings: list[str], settings: RobustSettings
+    scan: Scan,
+    solution: Solution,
+    request: RegistrationRequest,
+    findings: list[str],
+    settings: RobustSettings,
+    *,
+    fit: Assessed | None = None,
 ) -> Registration:
     """Measure, predict and judge a solution, moved by what the points show of the budget's errors.
 
@@ -84,8 +90,10 @@ def assess(
     findings : list of sentences
         What validation of the model found.
     settings : RobustSettings
+    fit : Assessed, optional
+        Of this solution, where it was reckoned already.
     """
-    fit = Assessed.of(scan, solution, request.known, settings.trust)
+    fit = fit or Assessed.of(scan, solution, request.known, settings.trust)
     pose = orthonormalised(small_motion(fit.motion, fit.centre) @ solution.model_from_scanner)
     residuals = solution.closest.signed_mm.copy()
     residuals[fit.points.at] += fit.points.rows @ fit.motion

@@ -112,13 +112,12 @@ class Assessed:
 
 
 def taken_off(
-    scan: Scan, solution: Solution, known: Known, settings: TrustSettings
+    scan: Scan, solution: Solution, fit: Assessed, known: Known, settings: TrustSettings
 ) -> tuple[FloatArray, dict[str, float]] | None:
     """Lengths (N,) along the beams that the points have to move by, and the errors taken off with them by then.
 
     None where the points show no more of the budget's errors than matters.
     """
-    fit = Assessed.of(scan, solution, known, settings)
     if not fit.told or solution.edges:
         return None
     everywhere = np.arange(len(scan))

@@ -26,6 +26,9 @@ STEPS = 40
 FARTHEST_SDS = 10.0
 """No quantile that is reported lies so many standard deviations off."""
 
+TINY_MM = 1e-12
+"""A length, or a standard deviation, that stands for none."""
+
 NEGLIGIBLE = 1e-4
 """Other components of less weight in all change no quantile that is reported."""
 
@@ -57,10 +60,9 @@ class Mixture:
 
     def _inside(self, length: float, moments: tuple[float, float, float]) -> float:
         """Probability that the error is no longer; `moments` are those of the own minimum."""
-        deviation = max(math.sqrt(moments[0]), np.finfo(np.float64).tiny)
         total = 1.0 + sum(weight for _, weight in self.others)
         below = _within(length, moments) + sum(
-            weight * _normal((length - float(np.linalg.norm(shift))) / deviation) for shift, weight in self.others
+            weight * _beside(length, shift, self.own) for shift, weight in self.others
         )
         return (1.0 - self.unseen) * below / total + self.unseen * _within(length / self.unseen_sds, moments)
 
@@ -101,6 +103,13 @@ def _within(length: float, moments: tuple[float, float, float]) -> float:
         return 0.0
     part = 2.0 / (9.0 * degrees)
     return _normal(((x / degrees) ** (1.0 / 3.0) - (1.0 - part)) / math.sqrt(part))
+
+
+def _beside(length: float, shift: FloatArray, own: FloatArray) -> float:
+    """Probability that an error about a shift is no longer: by its spread along the shift, to either side."""
+    far = float(np.linalg.norm(shift))
+    deviation = max(math.sqrt(max(float(shift @ own @ shift), 0.0)) / max(far, TINY_MM), TINY_MM)
+    return _normal((length - far) / deviation)
 
 
 def _normal(z: float) -> float:

@@ -118,6 +118,9 @@ def _about_size(evidence: Evidence, tolerance: Tolerance, settings: TrustSetting
         )
 
 
+LOOK_ALIKE = 0.5
+"""Errors that the points show half as clearly as the clearest may be what is wrong just as well."""
+
 REMEDIES = {
     "model offset": "the surface lies {value:+.2f} mm too far out: check the threshold, or state --model-offset-mm",
     "model scale": "the model is {percent:+.2f} % too large: check the CT's scale, or state it in the budget",
@@ -130,12 +133,15 @@ def _beyond_budget(evidence: Evidence, tolerance: Tolerance, settings: TrustSett
     """What the points show of errors that the budget does not hold; of several that look alike, the clearest."""
     counts = [one for one in evidence.shown if one.shift_mm > settings.shown_share * tolerance.target_mm]
     if counts:
-        one = max(counts, key=lambda shown: abs(shown.value) / shown.sd)
-        what = REMEDIES[one.name].format(value=one.value, percent=100.0 * one.value)
+        clearness = {one.name: abs(one.value) / one.sd for one in counts}
+        alike = [one for one in counts if clearness[one.name] >= LOOK_ALIKE * max(clearness.values())]
+        alike.sort(key=lambda one: -clearness[one.name])
+        said = "; or ".join(REMEDIES[one.name].format(value=one.value, percent=100.0 * one.value) for one in alike)
+        shift_mm = max(one.shift_mm for one in alike)
         yield _Finding(
             False,
-            one.shift_mm / (settings.shown_share * tolerance.target_mm),
-            f"The points look as if {what} (it moves a target by {one.shift_mm:.2f} mm).",
+            shift_mm / (settings.shown_share * tolerance.target_mm),
+            f"The points look as if {said} (a target moves by up to {shift_mm:.2f} mm).",
         )
 
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.special import expit
 from scipy.stats import norm
 
-from picoradar.registration.scan import bone_probability, log_likelihood, neighbour_sum
+from picoradar.registration.scan import bone_probability, log_likelihood, neighbour_sum, observed_share
 from picoradar.registration.scan.tissue import log_odds, neighbour_odds
 from picoradar.registration.settings import TissueSettings
 
@@ -87,3 +87,28 @@ def test_single_precision_stays_single() -> None:
     residuals = RESIDUALS.astype(np.float32)
     for sigma in (0.3, SIGMA.astype(np.float32)):
         assert log_likelihood(residuals, sigma, BESIDE, TISSUE).dtype == np.float32
+
+
+@pytest.mark.parametrize("shift", [-0.6, 0.0, 0.5, 0.9, 1.4])
+def test_the_observed_share_is_how_the_pull_of_a_point_answers(shift: float) -> None:
+    """The derivative of P r with the neighbours' say held; of bone beyond doubt it is one, of tissue nothing."""
+    settings = TissueSettings()
+    around = np.full((3, 8), 3)
+    around[0, :2], around[1, 0], around[2, 0] = [1, 2], 0, 0
+    residual = np.array([shift, 0.1, 2.0])
+    odds = log_odds(residual, 0.4, settings)
+    lent = neighbour_odds(odds, around, settings)
+
+    def pull(r: np.ndarray) -> np.ndarray:
+        return np.asarray(r / (1.0 + np.exp(-(log_odds(r, 0.4, settings) + lent))))
+
+    expected = (pull(residual + 1e-6) - pull(residual - 1e-6)) / 2e-6
+    np.testing.assert_allclose(observed_share(residual, 0.4, around, settings), expected, rtol=1e-5, atol=1e-7)
+
+
+def test_doubt_takes_information_away() -> None:
+    alone = np.full((3, 8), 3)
+    sure, doubtful, tissue = observed_share(np.array([-0.3, 0.85, 5.0]), 0.4, alone, TissueSettings())
+    assert sure > 0.9
+    assert doubtful < 0.0
+    assert tissue == pytest.approx(0.0, abs=1e-6)

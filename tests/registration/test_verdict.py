@@ -10,7 +10,8 @@ import pytest
 
 from picoradar.registration import Rival, Target, Tolerance
 from picoradar.registration.settings import TrustSettings
-from picoradar.registration.trust.verdict import Evidence, judge
+from picoradar.registration.trust.evidence import Evidence, ShownError
+from picoradar.registration.trust.verdict import judge
 
 SETTINGS = TrustSettings()
 
@@ -77,6 +78,13 @@ def test_the_clinic_asks_for_a_degree_and_a_millimetre() -> None:
         ({"range_error_known": False}, "caution", "(picoradar bench penetration --material bone)"),
         ({"targets": [target(100.0)]}, "fail", "reaches 100.00 mm"),
         ({"targets": [target(101.0)]}, "fail", "The points leave the error at centre free"),
+        ({"beyond_probability": 0.012}, "pass", "Predicted rotation"),
+        ({"beyond_probability": 0.013}, "caution", "The rotation is beyond 1 deg with a probability of 1.3%"),
+        ({"halves": 2.0}, "pass", "Predicted rotation"),
+        ({"halves": 2.1}, "caution", "Two halves of the scan, registered apart, differ by 2.1 times"),
+        ({"shown": [ShownError("walk", 0.5, 0.05, 0.2)]}, "pass", "Predicted rotation"),
+        ({"shown": [ShownError("walk", 0.5, 0.05, 0.21)]}, "caution", "as if ranges grow by +0.50 mm at 60 deg"),
+        ({"shown": [ShownError("mirror scale", 0.01, 1e-3, 0.3)]}, "caution", "mirror angles are +1.00 % too large"),
         (
             {"rivals": [RIVAL]},
             "caution",
@@ -128,6 +136,26 @@ def test_what_fails_is_said_before_what_cautions() -> None:
     verdict, reasons = judge(replace(GOOD, confident=False, inliers=100), Tolerance(), SETTINGS)
     assert verdict == "fail"
     assert [reason.split()[0] for reason in reasons] == ["Only", "The"]
+
+
+def test_reasons_stand_in_order_of_weight() -> None:
+    """By how many times what is allowed is exceeded."""
+    many = replace(GOOD, inside_share=0.02, misfit_mm=0.3, confident=False, targets=[target(1.5)])
+    _, reasons = judge(many, Tolerance(), SETTINGS)
+    assert [reason[:9] for reason in reasons] == ["2.0% of t", "Whole pat", "The predi", "The searc"]
+
+
+def test_errors_that_look_alike_are_all_named() -> None:
+    alike = [
+        ShownError("walk", 0.5, 0.05, 0.3),
+        ShownError("model offset", -0.3, 0.05, 0.4),
+        ShownError("model scale", 0.01, 2.5e-3, 0.9),
+    ]
+    _, (reason,) = judge(replace(GOOD, shown=alike), Tolerance(), SETTINGS)
+    assert "ranges grow by +0.50 mm" in reason
+    assert "the surface lies -0.30 mm too far out" in reason
+    assert "larger" not in reason
+    assert "up to 0.40 mm" in reason, "the third is less than half as clear"
 
 
 def test_a_range_error_that_was_never_measured_is_never_a_pass_and_hides_no_other_limit() -> None:
