@@ -19,6 +19,9 @@ from picoradar.registration.errors import RegistrationError
 MAX_MM, MAX_SHARE = 100.0, 0.2
 """Largest standard deviations that can be given: lengths, and shares or rad (the scanner's calibration has 0.2)."""
 
+FACETS_MM, FACET_EDGE_MM, VOLUME_LENGTH_MM = 0.02, 1.5, 5.0
+"""Error of a model by its facets, and the lengths over which that, and one by voxels and segmentation, is the same."""
+
 GRAZING_COSINE = 0.1
 """Beams that meet the surface flatter than this count as meeting it so: an edge of an echo has a largest walk."""
 
@@ -50,9 +53,9 @@ class ErrorBudget:
         Of the model's surface along its normal, a random field over the surface. 0.02: facets of bones of 20 000 to
         35 000 triangles were 0.004 to 0.011 mm off the finer mesh about the socket (measured). Surfaces from a CT of
         1 mm: 0.1 graded, 0.17 from a binary mask (measured beside a socket).
-    model_correlation_mm : float
-        Length over which that field is the same: its correlation is ``exp(-(d / length)^2)``. 2.5 is what facets have;
-        state 5 for surfaces from volumes, 10 for hand-drawn contours.
+    model_correlation_mm : float or None
+        Length over which that field is the same: its correlation is ``exp(-(d / length)^2)``. None: 1.5, the edge of a
+        facet, as long as `sigma_model_mm` is no more than facets make, else 5, as surfaces from volumes have it.
     model_offset_mm : float
         Of the model's surface being too large (or too small) all over, as by the threshold of a CT: half a voxel where
         nobody chose it with care. Nothing for models that were measured or designed.
@@ -66,8 +69,8 @@ class ErrorBudget:
     mirror_scale: float = 5e-4
     mirror_skew_rad: float = 5e-4
     walk_mm: float = 0.0
-    sigma_model_mm: float = 0.02
-    model_correlation_mm: float = 2.5
+    sigma_model_mm: float = FACETS_MM
+    model_correlation_mm: float | None = None
     model_offset_mm: float = 0.0
     model_scale: float = 0.0
     cartilage_mm: float = 0.0
@@ -110,6 +113,13 @@ class ErrorBudget:
             if not (isinstance(value, int | float) or (value is None and name == "range_bias_mm")):
                 raise RegistrationError(f"{name} is {value!r}: give a number, one standard deviation of what remains")
         return cls(**{name: float(value) for name, value in entries.items() if value is not None})
+
+    @property
+    def correlation_mm(self) -> float:
+        """Length over which the model's error is the same, as given or as usual."""
+        if self.model_correlation_mm is not None:
+            return self.model_correlation_mm
+        return FACET_EDGE_MM if self.sigma_model_mm <= FACETS_MM else VOLUME_LENGTH_MM
 
     @property
     def biases(self) -> dict[str, float]:
@@ -191,8 +201,7 @@ def error_columns(seen: Seen, names: Sequence[str]) -> FloatArray:
 def mirror_axes(beams: FloatArray, rotation: FloatArray) -> FloatArray:
     """Columns (3, 3), model frame: the mirrors' x, y and optical axis, of beams (N, 3) in the scanner's frame.
 
-    The optical axis is the scanner's z; the mean beam of clouds that look elsewhere, and come from another frame.
-    """
+    The optical axis is the scanner's z, or the mean beam of clouds that look elsewhere."""
     mean = beams.mean(axis=0)
     mean = mean / np.linalg.norm(mean)
     if mean[2] > math.cos(MAX_AXIS_RAD):

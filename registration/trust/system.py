@@ -226,7 +226,7 @@ def _shared(
     cosine = -np.einsum("ij,ij->i", points.seen.normals, points.seen.beams)
     excess = excess_noise(points.residual / points.sigma, cosine, used, settings) - 1.0
     total = weighted_squares(rows, weight * excess)
-    given = cells(points.seen.places, budget.model_correlation_mm)
+    given = cells(points.seen.places, budget.correlation_mm)
     total += budget.sigma_model_mm**2 * shared_spread(pulls, given)
     patch = cells(points.seen.places, settings.patch_mm)
     beyond = shared_variance(residual, patch[used], chance) - budget.sigma_model_mm**2
