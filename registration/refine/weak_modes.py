@@ -3,9 +3,9 @@
 About a nearly spherical socket the likelihood is a shallow valley, notched wherever a beam passes the edge of a fossa
 or of the rim, or a clump of tissue is taken for bone. Steps from one side come to rest in one notch. So where the
 points hold the rotation weakly, the beam fit is begun again from places round about; the likeliest end is taken, and
-how far others lie apart belongs to the uncertainty. Of wrong poses 2 to 4 deg off, with a standard deviation of 0.3 to
-0.5 deg, the fits from two standard deviations along the weakest motion found none; those from 2 and 4 deg about two
-axes all.
+how far others lie apart belongs to the uncertainty. Wrong poses 2 to 4 deg off, with a standard deviation of 0.3 to
+0.5 deg, are not suspected by fits from two standard deviations along the weakest motion; fits from turns of 2 and 4 deg
+about all axes meet the other minimum.
 
 Equation numbers are those of ``docs/registration.md``.
 
