@@ -136,10 +136,8 @@ def register(
     scan = checked_scan(points, origin=origin, covariance=covariance, response_mv=response_mv, grid=grid)
     check_noise(noise_mm)
     check_targets(targets)
-    known = _with_given(budget or ErrorBudget(), range_bias_mm, sigma_model_mm, model_offset_mm)
-    robust = settings if isinstance(settings, RobustSettings) else USUAL
-    if known.sigma_model_mm > robust.noise.model_mm:
-        robust = replace(robust, noise=replace(robust.noise, model_mm=known.sigma_model_mm))
+    known = budget_with(budget, range_bias_mm, sigma_model_mm, model_offset_mm)
+    robust = with_model_noise(settings if isinstance(settings, RobustSettings) else USUAL, known)
     if scan.covariance is None and scan.response_mv is not None:
         scan = weighted_by_response(scan, noise_mm, robust.noise)
     regions, begin = excluded_regions(exclude), checked_start(start)
@@ -152,8 +150,7 @@ def register(
         solution = _as_dissertation(scan, model, begin, noise_mm, regions, settings)
     else:
         raise RegistrationError(f"method is {method!r}: give 'robust' or 'dissertation'")
-    sockets = [Socket(view.centre, view.radius_mm, view.axis, model.vertices) for view in model.views if view.is_socket]
-    request = RegistrationRequest(targets, tolerance or Tolerance(), known, objections, sockets)
+    request = RegistrationRequest(targets, tolerance or Tolerance(), known, objections, sockets_of(model))
     fit = Assessed.of(scan, solution, request.known, robust.trust)
     for _ in range(robust.trust.max_refits if method == "robust" else 0):
         if (taken := taken_off(scan, solution, fit, request.known, robust.trust)) is None:
@@ -197,8 +194,23 @@ def check_noise(noise_mm: float | None) -> None:
         )
 
 
-def _with_given(
-    budget: ErrorBudget, range_bias_mm: float | None, sigma_model_mm: float | None, model_offset_mm: float | None
+def sockets_of(model: Model) -> list[Socket]:
+    """Sockets of a model, which words about free motions refer to."""
+    return [Socket(view.centre, view.radius_mm, view.axis, model.vertices) for view in model.views if view.is_socket]
+
+
+def with_model_noise(settings: RobustSettings, budget: ErrorBudget) -> RobustSettings:
+    """Settings whose noise holds at least the model's error of a budget."""
+    if budget.sigma_model_mm <= settings.noise.model_mm:
+        return settings
+    return replace(settings, noise=replace(settings.noise, model_mm=budget.sigma_model_mm))
+
+
+def budget_with(
+    budget: ErrorBudget | None,
+    range_bias_mm: float | None = None,
+    sigma_model_mm: float | None = None,
+    model_offset_mm: float | None = None,
 ) -> ErrorBudget:
     """The budget with what was given on its own.
 
@@ -209,7 +221,7 @@ def _with_given(
     """
     return ErrorBudget(
         **{
-            **vars(budget),
+            **vars(budget or ErrorBudget()),
             **{
                 name: value
                 for name, value in (

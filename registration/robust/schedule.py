@@ -113,7 +113,7 @@ class _Fits:
         ends += [(c.model_from_scanner, c.log_likelihood + offset) for c in others]
         # 6. What the judgement needs to know.
         independent = min(len(scan), settings.tissue.independent_points)
-        beside = walk if self.edges else [*fits, *walk[1:]]
+        beside = walk if self.edges else [*(f for f in fits if not self.elsewhere(f, best)), *walk[1:]]
         alternatives = alternatives_of(best, beside, scan, independent, settings.weak_mode)
         if self.edges:
             alternatives += alternatives_at(self.shallow(best), independent, settings.edges.e_fold_nats)
@@ -151,6 +151,12 @@ class _Fits:
         return shallow_poses(
             fit, self.search.scan, lambda pose: fitter.likelihood_at(pose, fit.noise, allowed), settings
         )
+
+    def elsewhere(self, fit: BeamFit, best: BeamFit) -> bool:
+        """Whether a fit lies on other bone than the best one: the same bone again is a rival to be named, no spread."""
+        middle = self.search.middle
+        extent = float(np.sqrt(np.mean(np.sum((self.search.scan.points - middle) ** 2, axis=1))))
+        return difference(fit.model_from_scanner, best.model_from_scanner, middle)[1] > 2.0 * extent
 
     def all_but_edges(self, fits: list[BeamFit], best: BeamFit) -> list[tuple[FloatArray, float]]:
         """Poses of fits with log likelihoods that lack no more than what edges cannot have decided."""

@@ -12,7 +12,15 @@ from picoradar.registration._types import BoolArray
 from picoradar.registration.errors import RegistrationError
 from picoradar.registration.model import Model
 from picoradar.registration.refine import excluded_regions
-from picoradar.registration.register.batch import USUAL, check_noise, check_range_bias, check_targets, register
+from picoradar.registration.register.batch import (
+    USUAL,
+    budget_with,
+    check_noise,
+    check_targets,
+    register,
+    sockets_of,
+    with_model_noise,
+)
 from picoradar.registration.register.live.cloud import GrowingCloud
 from picoradar.registration.register.live.line import MeasuredLine
 from picoradar.registration.register.live.options import RegisterOptions
@@ -73,10 +81,15 @@ class LiveRegistration:
 
     def __init__(self, model: Model, *, live: LiveSettings | None = None, **options: Unpack[RegisterOptions]) -> None:
         check_noise(options.get("noise_mm"))
-        check_range_bias(options.get("range_bias_mm"))
         check_targets(options.get("targets"))
         self._model, self._options, self._live = model, options, live or LiveSettings()
-        self._settings = options.get("settings", USUAL)
+        self._budget = budget_with(
+            options.get("budget"),
+            options.get("range_bias_mm"),
+            options.get("sigma_model_mm"),
+            options.get("model_offset_mm"),
+        )
+        self._settings = with_model_noise(options.get("settings", USUAL), self._budget)
         self._tracker = Tracker(
             model,
             checked_start(options.get("start", "any")),
@@ -226,8 +239,9 @@ class LiveRegistration:
         request = RegistrationRequest(
             options.get("targets"),
             options.get("tolerance") or Tolerance(),
-            options.get("range_bias_mm"),
+            self._budget,
             options.get("objections", ()),
+            sockets_of(self._model),
         )
         return assess(scan, solution, request, list(self._model.report.findings), self._settings)
 

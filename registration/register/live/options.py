@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from picoradar.registration.search import Start
 from picoradar.registration.settings import RobustSettings
-from picoradar.registration.trust import Objection, Tolerance
+from picoradar.registration.trust import ErrorBudget, Objection, Tolerance
 
 
 class RegisterOptions(TypedDict, total=False):
@@ -20,6 +20,9 @@ class RegisterOptions(TypedDict, total=False):
     targets: npt.ArrayLike | Sequence[dict[str, object]] | None
     noise_mm: float | None
     range_bias_mm: float | None
+    sigma_model_mm: float | None
+    model_offset_mm: float | None
+    budget: ErrorBudget | None
     exclude: Sequence[Mapping[str, object]] | None
     tolerance: Tolerance | None
     objections: Sequence[Objection]

@@ -17,8 +17,8 @@ from picoradar.registration.refine import (
     BeamFit,
     BeamFitter,
     CastBeams,
-    along_weak_mode,
     alternatives_of,
+    beside_weak,
     outside_regions,
 )
 from picoradar.registration.robust import register_robust, relative_brightness, without_dark_points
@@ -78,7 +78,7 @@ class Tracker:
         bright : (N,) array of bool
             Points that were not found darker than bone so far.
         walk : bool
-            Go along the weak mode, too [eq. 12]; else the alternatives of the last walk stay.
+            Look beside the pose, too [eq. 12]; else the alternatives of the last walk stay.
         """
 
         def fitted(pose: FloatArray) -> BeamFit:
@@ -88,11 +88,11 @@ class Tracker:
         fit = fitted(before.model_from_scanner)
         if not walk:
             return self._solution(scan, fit, before)
-        ends = along_weak_mode(fit, scan, fitted, self.settings.weak_mode)
+        ends = beside_weak(fit, scan, fitted, self.settings.weak_mode)
         best = max(ends, key=lambda end: end.log_likelihood)
         independent = min(len(scan), self.settings.tissue.independent_points)
         alternatives = before.alternatives if before.edges else []
-        alternatives = [*alternatives, *alternatives_of(best, ends, independent, self.settings.weak_mode)]
+        alternatives = [*alternatives, *alternatives_of(best, ends, scan, independent, self.settings.weak_mode)]
         return replace(self._solution(scan, best, before), alternatives=alternatives)
 
     def explained(self, scan: Scan, solution: Solution) -> float:
@@ -160,4 +160,5 @@ class Tracker:
             noise=fit.noise,
             around=scan.around,
             cost=-fit.log_likelihood,
+            observed=fit.observed,
         )
