@@ -21,6 +21,9 @@ class LiveSettings:
     retry_growth: float = 1.25
     """After a search the points grow by this factor before the next one, so that all together cost a few searches."""
 
+    again_growth: float = 2.0
+    """The same for a pose that fails, but that a search has led to again: another one would, too."""
+
     follow_growth: float = 1.1
     """The pose is refined when the points have grown by this factor: that takes a twentieth off its errors."""
 

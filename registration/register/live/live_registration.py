@@ -103,6 +103,7 @@ class LiveRegistration:
         self._searched_at = self._unexplained = self._steady = 0
         self._confirmed_at = self._followed_at = self._walked_at = 0
         self._bright = np.empty(0, dtype=np.bool_)
+        self._growth = self._live.retry_growth
         self._result = LiveResult()
 
     @property
@@ -123,7 +124,7 @@ class LiveRegistration:
             self._follow(self._solution, fresh)
         elif lacking := what_is_lacking(self._cloud.points, self._live):
             self._keep("waiting", lacking, None)
-        elif self._may_search():
+        elif self._may_search(self._live.retry_growth):
             self._search("")
         else:
             self._keep("waiting", self._result.why, self._result.registration)
@@ -199,7 +200,7 @@ class LiveRegistration:
             self._note_explained(float(on[last[chosen]].mean()), on[~last[chosen]])
         self._solution, found = solution, self._assessed(scan, solution)
         self._keep("followed", "", found)
-        if (doubt := self._doubt(solution, found)) and self._may_search():
+        if doubt := self._doubt(solution, found):
             self._search(doubt)
 
     def _note_explained(self, share: float, before: BoolArray) -> None:
@@ -208,28 +209,34 @@ class LiveRegistration:
         self._unexplained = self._unexplained + 1 if unlike else 0
 
     def _doubt(self, solution: Solution, found: Registration) -> str:
-        """Say why the pose is to be looked for anew; empty when it is not."""
+        """Say why the pose is to be looked for anew now; empty when it is not."""
+        if not self._may_search(self._live.retry_growth):
+            return ""
         if any(rival.cost < solution.cost for rival in solution.rivals):
             return "another pose has become the likelier one"
         if self._unexplained >= self._live.unexplained_lines:
             return "the last lines do not lie on the model"
-        return f"the pose fails: {found.reasons[0]}" if found.verdict == "fail" else ""
+        return (
+            f"the pose fails: {found.reasons[0]}" if found.verdict == "fail" and self._may_search(self._growth) else ""
+        )
 
     # ---- without one
 
-    def _may_search(self) -> bool:
-        return len(self._cloud) >= self._live.retry_growth * self._searched_at
+    def _may_search(self, growth: float) -> bool:
+        return len(self._cloud) >= growth * self._searched_at
 
     def _search(self, why: str) -> None:
         """Look for the pose, anew where one is known."""
         scan = self._tracker.weighted(self._cloud.scan())
-        self._searched_at, self._unexplained = len(scan), 0
+        self._searched_at, self._unexplained, before = len(scan), 0, self._solution
         try:
             solution = self._tracker.searched(scan)
         except RegistrationError as error:
             self._solution = None
             self._keep("waiting", str(error), None, searches=1)
             return
+        again = before is not None and self._tracker.same(before, solution, scan)
+        self._growth = self._live.again_growth if again else self._live.retry_growth
         self._solution, self._followed_at, self._walked_at = solution, len(scan), len(scan)
         self._bright = self._tracker.bright(scan, solution)
         self._keep("searched", why, self._assessed(scan, solution), searches=1)

@@ -95,6 +95,11 @@ class Tracker:
         alternatives = [*alternatives, *alternatives_of(best, ends, scan, independent, self.settings.weak_mode)]
         return replace(self._solution(scan, best, before), alternatives=alternatives)
 
+    def same(self, one: Solution, other: Solution, scan: Scan) -> bool:
+        """Whether two solutions of a scan are one minimum."""
+        middle = np.asarray(scan.points.mean(axis=0), dtype=np.float64)
+        return same_minimum(one.model_from_scanner, other.model_from_scanner, middle, self.settings.search)
+
     def explained(self, scan: Scan, solution: Solution) -> float:
         """Share of a scan's points that lie on the model at the pose of a solution, as it is."""
         pose, beam_fit = solution.model_from_scanner, self.settings.beam_fit
@@ -125,7 +130,7 @@ class Tracker:
         other = self._fitted(thin, rival.model_from_scanner, solution, allowed)
         here = self._fitted(thin, solution.model_from_scanner, solution, allowed)
         others = [r for r in solution.rivals if r is not rival]
-        pose, middle = solution.model_from_scanner, np.asarray(scan.points.mean(axis=0), dtype=np.float64)
+        pose, middle = solution.model_from_scanner, np.asarray(thin.points.mean(axis=0), dtype=np.float64)
         if same_minimum(pose, other.model_from_scanner, middle, self.settings.search):
             return replace(solution, rivals=others)  # with more points both are one
         cost = solution.cost + here.log_likelihood - other.log_likelihood
