@@ -12,18 +12,10 @@ from picoradar.registration._types import BoolArray
 from picoradar.registration.errors import RegistrationError
 from picoradar.registration.model import Model
 from picoradar.registration.refine import excluded_regions
-from picoradar.registration.register.batch import (
-    USUAL,
-    budget_with,
-    check_noise,
-    check_targets,
-    register,
-    sockets_of,
-    with_model_noise,
-)
+from picoradar.registration.register.batch import USUAL, check_noise, check_targets, register, sockets_of
 from picoradar.registration.register.live.cloud import GrowingCloud
 from picoradar.registration.register.live.line import MeasuredLine
-from picoradar.registration.register.live.options import RegisterOptions
+from picoradar.registration.register.live.options import RegisterOptions, budget_of, settings_of
 from picoradar.registration.register.live.readiness import what_is_lacking
 from picoradar.registration.register.live.result import LiveResult, Stage
 from picoradar.registration.register.live.tracking import Tracker
@@ -83,13 +75,7 @@ class LiveRegistration:
         check_noise(options.get("noise_mm"))
         check_targets(options.get("targets"))
         self._model, self._options, self._live = model, options, live or LiveSettings()
-        self._budget = budget_with(
-            options.get("budget"),
-            options.get("range_bias_mm"),
-            options.get("sigma_model_mm"),
-            options.get("model_offset_mm"),
-        )
-        self._settings = with_model_noise(options.get("settings", USUAL), self._budget)
+        self._budget, self._settings = budget_of(options), settings_of(options, USUAL)
         self._tracker = Tracker(
             model,
             checked_start(options.get("start", "any")),
