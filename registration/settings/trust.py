@@ -28,14 +28,14 @@ class TrustSettings:
     """What residuals show beyond the noise reckoned with counts from so many of its standard deviations on: 1 in 700
     by chance."""
 
-    unseen_deg: float = 5.5
+    unseen_deg: float = 4.5
     """Standard deviation of the rotation at which, with as much tissue as bone, a minimum that was not found is as
     likely as not [eq. 16]."""
 
     unseen_sds: float = 8.0
     """How far such a minimum lies from the pose, in its standard deviations: the median of wrong poses was 6 to 10."""
 
-    max_beyond: float = 0.015
+    max_beyond: float = 0.014
     """Probability of a rotation beyond the tolerance from which on the verdict is a caution: of all that pass, few come
     near it, and one in 2000 may be wrong."""
 
