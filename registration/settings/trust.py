@@ -42,6 +42,10 @@ class TrustSettings:
     max_halves: float = 2.0
     """How far the poses of two halves may be apart, in shares of what noise allows in 95 % of all cases."""
 
+    max_halves_off: float = 0.5
+    """How far they may be apart in any case, as a share of the tolerance: half a scan is uncertain, and of a dense one
+    any difference is beyond chance."""
+
     shown_sds: float = 4.0
     """An error beyond its budget counts as shown by the points from so many standard deviations on."""
 

@@ -113,6 +113,7 @@ def assess(
         targets=[predict(name, position, near) for name, position in places] if far else targets,
         rivals=rivals,
         halves=checks.halves,
+        halves_off=checks.halves_off(request.tolerance),
         beyond_probability=turn.beyond(float(np.radians(request.tolerance.rotation_deg))),
     )
     verdict, reasons = judge(evidence, request.tolerance, settings.trust)

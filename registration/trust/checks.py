@@ -13,6 +13,7 @@ from picoradar.registration.scan import Scan
 from picoradar.registration.solution import Solution
 from picoradar.registration.trust.budget import Socket
 from picoradar.registration.trust.covariance import P95, Target, chi_square_quantile
+from picoradar.registration.trust.evidence import Tolerance
 from picoradar.registration.trust.fit import Assessed
 
 LEAST_RESPONSE_QUANTILE = 0.05
@@ -32,6 +33,8 @@ class Checks:
     halves : float
         How far the poses of two halves of the points, cut across their longest side, are apart: in shares of what
         noise allows in 95 % of all cases.
+    halves_deg, halves_mm : float
+        By how much: rotation, and shift at their centre.
     whiteness : float
         Correlation of a residual with those of its neighbours: noise has none.
     coverage_percent : float
@@ -43,10 +46,16 @@ class Checks:
     """
 
     halves: float
+    halves_deg: float
+    halves_mm: float
     whiteness: float
     coverage_percent: float
     least_response_mv: float
     bias_share: float
+
+    def halves_off(self, tolerance: Tolerance) -> float:
+        """How far the poses of the halves are apart, as a share of what is allowed."""
+        return max(self.halves_deg / tolerance.rotation_deg, self.halves_mm / tolerance.target_mm)
 
 
 def checks_of(
@@ -56,8 +65,11 @@ def checks_of(
     squares = float(np.mean(fit.points.residual[fit.points.used] ** 2))
     stated = max(targets, key=lambda t: t.stated_mm, default=None)
     light = None if scan.response_mv is None else scan.response_mv[fit.used]
+    apart, halves = halves_apart(fit)
     return Checks(
-        halves=halves_apart(fit),
+        halves=halves,
+        halves_deg=float(np.degrees(np.linalg.norm(apart[:3]))),
+        halves_mm=float(np.linalg.norm(apart[3:])),
         whiteness=min(1.0, fit.misfit_mm**2 / max(squares, np.finfo(np.float64).tiny)),
         coverage_percent=100.0 * (socket_coverage(fit, sockets) if sockets else float(solution.inliers.mean())),
         least_response_mv=float("nan") if light is None else float(np.quantile(light, LEAST_RESPONSE_QUANTILE)),
@@ -65,8 +77,10 @@ def checks_of(
     )
 
 
-def halves_apart(fit: Assessed) -> float:
-    """Difference of the poses of two halves, over its 95 % bound; each half solved on the tangent planes of the whole.
+def halves_apart(fit: Assessed) -> tuple[FloatArray, float]:
+    """Motion (6,) between the poses of two halves, and its size over its 95 % bound.
+
+    Each half is solved on the tangent planes of the whole.
 
     Halves that share a wrong surface or tissue taken for bone want to go different ways; noise lets them differ by the
     sum of their covariances. Its scale is that of the whole, which holds what lines and patches share.
@@ -84,7 +98,8 @@ def halves_apart(fit: Assessed) -> float:
     whole = np.linalg.pinv(weighted_squares(points.rows, weight), hermitian=True)
     inflation = float(np.trace(fit.own @ np.linalg.pinv(whole, hermitian=True))) / len(whole)
     apart, spread = moves[0] - moves[1], (spreads[0] + spreads[1]) * max(1.0, inflation)
-    return float(np.sqrt(apart @ np.linalg.pinv(spread, hermitian=True) @ apart / chi_square_quantile(6.0, P95)))
+    size = float(apart @ np.linalg.pinv(spread, hermitian=True) @ apart) / chi_square_quantile(6.0, P95)
+    return apart, float(np.sqrt(max(0.0, size)))
 
 
 def socket_coverage(fit: Assessed, sockets: Sequence[Socket]) -> float:

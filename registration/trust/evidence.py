@@ -73,7 +73,9 @@ class Evidence:
     shown : sequence of ShownError
         Errors beyond the budget that the points show.
     halves : float
-        How far the poses of two halves of the points are apart, in shares of what noise allows in 95 % of all cases.
+        How far the poses of two halves of the points are apart, in shares of what noise allows in 95 % of all cases,
+    halves_off : float
+        and in shares of the tolerance.
     """
 
     rotation_sd_deg: float
@@ -90,3 +92,4 @@ class Evidence:
     beyond_probability: float = 0.0
     shown: Sequence[ShownError] = ()
     halves: float = 0.0
+    halves_off: float = 1.0

@@ -95,7 +95,7 @@ def _about_search(evidence: Evidence, settings: TrustSettings) -> Iterator[_Find
             f"{len(evidence.rivals)} other pose(s) explain the points nearly as well; the best of them is "
             f"{nearest.rotation_deg:.1f} deg and {nearest.translation_mm:.1f} mm away.",
         )
-    if evidence.halves > settings.max_halves:
+    if evidence.halves > settings.max_halves and evidence.halves_off > settings.max_halves_off:
         yield _Finding(
             False,
             evidence.halves / settings.max_halves,

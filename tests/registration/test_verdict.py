@@ -81,7 +81,12 @@ def test_the_clinic_asks_for_a_degree_and_a_millimetre() -> None:
         ({"beyond_probability": 0.014}, "pass", "Predicted rotation"),
         ({"beyond_probability": 0.015}, "caution", "The rotation is beyond 1 deg with a probability of 1.5%"),
         ({"halves": 2.0}, "pass", "Predicted rotation"),
-        ({"halves": 2.1}, "caution", "Two halves of the scan, registered apart, differ by 2.1 times"),
+        ({"halves": 2.1, "halves_off": 0.5}, "pass", "Predicted rotation"),
+        (
+            {"halves": 2.1, "halves_off": 0.51},
+            "caution",
+            "Two halves of the scan, registered apart, differ by 2.1",
+        ),
         ({"shown": [ShownError("walk", 0.5, 0.05, 0.2)]}, "pass", "Predicted rotation"),
         ({"shown": [ShownError("walk", 0.5, 0.05, 0.21)]}, "caution", "as if ranges grow by +0.50 mm at 60 deg"),
         ({"shown": [ShownError("mirror scale", 0.01, 1e-3, 0.3)]}, "caution", "mirror angles are +1.00 % too large"),
