@@ -22,7 +22,7 @@ from picoradar.registration.live import LiveRegistration
 from picoradar.sim.physics import SOCKET_CENTRE_MM
 from picoradar.sim.physics.targets import HIP_FILE
 
-SCAN = ("scan", "--grid", "20x20", "--step-mm", "2", "--mode", "window", "--order", "interlaced", "--material", "bone")
+SCAN = ("scan", "--grid", "26x26", "--step-mm", "1.5", "--mode", "window", "--order", "interlaced", "--material", "bone")
 TIMES = ("wall_s", "recording")
 CLOCKED = ("prepare_ms", "register_ms")
 
@@ -116,11 +116,11 @@ def test_a_seed_repeats_to_the_last_bit_and_the_rest_of_the_raster_can_be_taken(
         for key in CLOCKED:
             del found["registration"][key]
     assert one == two
-    assert whole["lines"] == 20
+    assert whole["lines"] == 26
     assert "registration" not in whole
     assert run(["resume", str(tmp_path / "a.db"), "--json"]) == 0
     resumed = json.loads(capsys.readouterr().out)
-    assert (resumed["lines"], resumed["stop_reason"]) == (20, "complete")
+    assert (resumed["lines"], resumed["stop_reason"]) == (26, "complete")
     clouds = []
     for name in ("whole.db", "a.db"):
         with Recording.open(tmp_path / name) as recording:
@@ -132,7 +132,7 @@ def test_a_seed_repeats_to_the_last_bit_and_the_rest_of_the_raster_can_be_taken(
 def test_what_no_line_can_bring_does_not_end_the_scan(scan: Scan, targets: Path) -> None:
     code, found = scan("a.db", "--register", str(HIP_FILE), "--targets", str(targets), "--until-tre", "0.01")
     assert code == 0
-    assert (found["stop_reason"], found["lines"]) == ("complete", 20)
+    assert (found["stop_reason"], found["lines"]) == ("complete", 26)
     assert found["registration"]["verdict"] == "pass"
     assert found["registration"]["live"]["reached_after_s"] is None
 
@@ -164,7 +164,7 @@ def test_what_cannot_be_done_is_refused_before_there_is_light(
 
 
 def recorded(path: Path) -> scanning.RecordedScan:
-    table = {"rows": 20, "columns": 20, "step_mm": 2.0, "mode": "window", "material": "bone"}
+    table = {"rows": 26, "columns": 26, "step_mm": 1.5, "mode": "window", "material": "bone"}
     with session.session(override(Settings(), {"scan": table}), None) as one:
         session.warm_up(one)
         return scanning.record_scan(one, path, following.asked(HIP_FILE, {}, None))
@@ -198,13 +198,13 @@ def test_on_a_real_clock_a_slow_registration_takes_its_time_off_the_beams_thread
     outcome = scanned.outcome
     assert alone.stop_reason == "registered"
     assert outcome.safe.laser_off_verified
-    assert (outcome.stop_reason, outcome.lines) == ("complete", 20)  # it was not there in time to end the scan
+    assert (outcome.stop_reason, outcome.lines) == ("complete", 26)  # it was not there in time to end the scan
     assert outcome.sinks["registration"] == "complete"
     assert threads == {"sink registration"}
     assert any(dark)  # the laser was off before it had seen the last lines
     assert outcome.device_time_s / outcome.lines == pytest.approx(alone.device_time_s / alone.lines, rel=0.5)
     assert scanned.described["registration"]["verdict"] == "pass"
-    assert scanned.described["registration"]["live"]["lines"] == 20
+    assert scanned.described["registration"]["live"]["lines"] == 26
 
 
 def test_a_registration_that_raises_harms_neither_scan_nor_result(
@@ -217,7 +217,7 @@ def test_a_registration_that_raises_harms_neither_scan_nor_result(
     scanned = recorded(tmp_path / "a.db")
     assert scanned.outcome.stop_reason == "complete"
     assert scanned.outcome.safe.laser_off_verified
-    assert scanned.outcome.sinks["registration"].startswith("failed after 0 of 20 lines: RuntimeError")
+    assert scanned.outcome.sinks["registration"].startswith("failed after 0 of 26 lines: RuntimeError")
     assert scanned.outcome.sinks["result"] == "complete"
     assert scanned.described["registration"]["verdict"] == "pass"
     assert scanned.described["registration"]["live"]["lines"] == 0
