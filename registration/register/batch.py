@@ -3,40 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, Literal
 
-import numpy as np
 import numpy.typing as npt
 
-from picoradar.registration._types import FloatArray
-from picoradar.registration.classic import DissertationSettings, solve_as_dissertation
-from picoradar.registration.errors import RegistrationError, StartError
+from picoradar.registration.classic import DissertationSettings
+from picoradar.registration.errors import RegistrationError
 from picoradar.registration.model import Model
 from picoradar.registration.refine import excluded_regions
-from picoradar.registration.robust import fitted_again, register_robust, without_dark_points
-from picoradar.registration.scan import Scan, checked_scan, weighted_by_response
-from picoradar.registration.search import Cone, Start, checked_start
+from picoradar.registration.register.asked import (
+    USUAL,
+    budget_with,
+    check_noise,
+    check_targets,
+    sockets_of,
+    with_model_noise,
+)
+from picoradar.registration.register.landmarked import beside_landmarks
+from picoradar.registration.register.work import Work
+from picoradar.registration.scan import checked_scan, weighted_by_response
+from picoradar.registration.search import Start, checked_start, landmarks_of
 from picoradar.registration.settings import RobustSettings
-from picoradar.registration.solution import Solution
 from picoradar.registration.trust import (
-    Assessed,
     ErrorBudget,
     Objection,
     Registration,
     RegistrationRequest,
-    Socket,
+    TargetsLike,
     Tolerance,
-    named_targets,
-    taken_off,
 )
-from picoradar.registration.trust.assess import assess
-
-MIN_NOISE_MM, MAX_NOISE_MM = 1e-3, 100.0
-"""Range noise that can be given; a common range error at most."""
-
-USUAL = RobustSettings()
-"""Settings where none are given: making them takes as long as a few steps of a registration."""
 
 
 def register(
@@ -49,7 +44,7 @@ def register(
     response_mv: npt.ArrayLike | None = None,
     grid: npt.ArrayLike | None = None,
     method: Literal["robust", "dissertation"] = "robust",
-    targets: npt.ArrayLike | Sequence[dict[str, Any]] | None = None,
+    targets: TargetsLike = None,
     noise_mm: float | None = None,
     range_bias_mm: float | None = None,
     sigma_model_mm: float | None = None,
@@ -140,109 +135,13 @@ def register(
     robust = with_model_noise(settings if isinstance(settings, RobustSettings) else USUAL, known)
     if scan.covariance is None and scan.response_mv is not None:
         scan = weighted_by_response(scan, noise_mm, robust.noise)
-    regions, begin = excluded_regions(exclude), checked_start(start)
-    if method == "robust":
-        if isinstance(settings, DissertationSettings):
-            raise RegistrationError("method 'robust' takes RobustSettings, not those of the dissertation")
-        solution = register_robust(scan, model, begin, noise_mm, regions, robust)
-        solution = without_dark_points(scan, model, solution, regions, robust)
-    elif method == "dissertation":
-        solution = _as_dissertation(scan, model, begin, noise_mm, regions, settings)
-    else:
-        raise RegistrationError(f"method is {method!r}: give 'robust' or 'dissertation'")
     request = RegistrationRequest(targets, tolerance or Tolerance(), known, objections, sockets_of(model))
-    fit = Assessed.of(scan, solution, request.known, robust.trust)
-    for _ in range(robust.trust.max_refits if method == "robust" else 0):
-        if (taken := taken_off(scan, solution, fit, request.known, robust.trust)) is None:
-            break
-        scan = scan.moved_along(taken[0])
-        request = replace(request, taken=taken[1])
-        noise_known = noise_mm is not None or scan.noise_known
-        solution = fitted_again(scan, model, solution, regions, robust, noise_known=noise_known)
-        fit = Assessed.of(scan, solution, request.known, robust.trust)
-    return assess(scan, solution, request, list(model.report.findings), robust, fit=fit)
-
-
-def _as_dissertation(
-    scan: Scan,
-    model: Model,
-    start: FloatArray | Cone | None,
-    noise_mm: float | None,
-    regions: FloatArray,
-    settings: RobustSettings | DissertationSettings | None,
-) -> Solution:
-    """The dissertation's method, which knows neither a search nor excluded regions."""
-    if isinstance(settings, RobustSettings):
-        raise RegistrationError("method 'dissertation' takes DissertationSettings, not those of the robust method")
-    if start is None or isinstance(start, Cone):
-        raise StartError("method 'dissertation' needs a start: landmarks or a 4x4 pose; method 'robust' does not")
-    if len(regions) > 0:
-        raise RegistrationError("method 'dissertation' knows no excluded regions: cut the points, or take 'robust'")
-    return solve_as_dissertation(scan, model, start, noise_mm, settings)
-
-
-def check_noise(noise_mm: float | None) -> None:
-    """Refuse a range noise that no instrument has.
-
-    Raises
-    ------
-    RegistrationError
-    """
-    if noise_mm is not None and not MIN_NOISE_MM <= noise_mm <= MAX_NOISE_MM:
-        raise RegistrationError(
-            f"noise_mm is {noise_mm}: give a number from {MIN_NOISE_MM:g} to {MAX_NOISE_MM:g} mm, or leave it out"
-        )
-
-
-def sockets_of(model: Model) -> list[Socket]:
-    """Sockets of a model, which words about free motions refer to."""
-    return [Socket(view.centre, view.radius_mm, view.axis, model.vertices) for view in model.views if view.is_socket]
-
-
-def with_model_noise(settings: RobustSettings, budget: ErrorBudget) -> RobustSettings:
-    """Settings whose noise holds at least the model's error of a budget."""
-    if budget.sigma_model_mm <= settings.noise.model_mm:
-        return settings
-    return replace(settings, noise=replace(settings.noise, model_mm=budget.sigma_model_mm))
-
-
-def budget_with(
-    budget: ErrorBudget | None,
-    range_bias_mm: float | None = None,
-    sigma_model_mm: float | None = None,
-    model_offset_mm: float | None = None,
-) -> ErrorBudget:
-    """The budget with what was given on its own.
-
-    Raises
-    ------
-    RegistrationError
-        If one is no standard deviation in mm.
-    """
-    return ErrorBudget(
-        **{
-            **vars(budget or ErrorBudget()),
-            **{
-                name: value
-                for name, value in (
-                    ("range_bias_mm", range_bias_mm),
-                    ("sigma_model_mm", sigma_model_mm),
-                    ("model_offset_mm", model_offset_mm),
-                )
-                if value is not None
-            },
-        }
-    )
-
-
-def check_targets(targets: npt.ArrayLike | Sequence[dict[str, Any]] | None) -> None:
-    """Refuse targets that cannot be used, before a registration takes its time.
-
-    Raises
-    ------
-    RegistrationError
-        If targets are neither finite (M, 3) nor dicts with a finite "position".
-    """
-    for name, position in named_targets(targets, np.zeros(3)):
-        if not np.isfinite(position).all():
-            raise RegistrationError(f"{name} is at {position.tolist()}: give finite numbers, model frame, mm")
+    work = Work(scan, model, noise_mm, excluded_regions(exclude), request, method, settings, robust)
+    if (marks := landmarks_of(start)) is None or method != "robust":
+        return work.registered(checked_start(start))
+    found: Registration | RegistrationError
+    try:
+        found = work.registered(checked_start(start))
+    except RegistrationError as error:
+        found = error
+    return beside_landmarks(found, marks, lambda: work.registered(None))

@@ -2,8 +2,9 @@
 
 from picoradar.registration.search.cone import ANYWHERE, Cone
 from picoradar.registration.search.global_search import Search
+from picoradar.registration.search.landmarks import Landmarks
 from picoradar.registration.search.minima import Candidate, difference, same_minimum
-from picoradar.registration.search.start import Landmarks, Start, checked_start
+from picoradar.registration.search.start import Start, checked_start, landmarks_of
 
 __all__ = [
     "ANYWHERE",
@@ -14,5 +15,6 @@ __all__ = [
     "Start",
     "checked_start",
     "difference",
+    "landmarks_of",
     "same_minimum",
 ]

@@ -1,6 +1,6 @@
 """How far to trust a pose: covariance, evidence, verdict, and the result that carries them."""
 
-from picoradar.registration.trust.assess import RegistrationRequest, named_targets
+from picoradar.registration.trust.assess import RegistrationRequest, TargetsLike, named_targets
 from picoradar.registration.trust.budget import ErrorBudget, Socket
 from picoradar.registration.trust.covariance import Target
 from picoradar.registration.trust.evidence import Objection, Tolerance
@@ -15,6 +15,7 @@ __all__ = [
     "RegistrationRequest",
     "Socket",
     "Target",
+    "TargetsLike",
     "Tolerance",
     "named_targets",
     "taken_off",

@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +37,9 @@ from picoradar.registration.trust.result import Registration
 from picoradar.registration.trust.verdict import judge
 from picoradar.registration.trust.words import weak_directions
 
+TargetsLike: TypeAlias = npt.ArrayLike | Sequence[dict[str, Any]] | None
+"""Points (M, 3) of the model frame, or dicts with "position" and "name"."""
+
 
 @dataclass(frozen=True)
 class RegistrationRequest:
@@ -58,7 +61,7 @@ class RegistrationRequest:
         Errors of the budget that were taken off the points already.
     """
 
-    targets: npt.ArrayLike | Sequence[dict[str, Any]] | None
+    targets: TargetsLike
     tolerance: Tolerance
     budget: ErrorBudget = field(default_factory=ErrorBudget)
     objections: Sequence[Objection] = ()
@@ -202,9 +205,7 @@ def predicted(
     return Target(name, position, mixture.rms(), p95_mm, bias_mm, p95_mm + settings.bias_sds * bias_mm, parts)
 
 
-def named_targets(
-    targets: npt.ArrayLike | Sequence[dict[str, Any]] | None, centre: FloatArray
-) -> list[tuple[str, FloatArray]]:
+def named_targets(targets: TargetsLike, centre: FloatArray) -> list[tuple[str, FloatArray]]:
     """Names and positions; without targets, the centre of the registered cloud stands in.
 
     Raises

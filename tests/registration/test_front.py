@@ -32,7 +32,7 @@ def test_bad_targets_are_refused_before_the_search(
         pytest.fail("the search has begun")
 
     scan = scan_of(socket, 0)
-    monkeypatch.setattr(sys.modules["picoradar.registration.register.batch"], "register_robust", searched)
+    monkeypatch.setattr(sys.modules["picoradar.registration.register.work"], "register_robust", searched)
     with pytest.raises(registration.RegistrationError, match=message):
         registration.register(scan.points, socket, targets=targets)
 

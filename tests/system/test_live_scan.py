@@ -22,7 +22,8 @@ from picoradar.registration.live import LiveRegistration
 from picoradar.sim.physics import SOCKET_CENTRE_MM
 from picoradar.sim.physics.targets import HIP_FILE
 
-SCAN = ("scan", "--grid", "26x26", "--step-mm", "1.5", "--mode", "window", "--order", "interlaced", "--material", "bone")
+RASTER = ("--grid", "26x26", "--step-mm", "1.5", "--order", "interlaced")
+SCAN = ("scan", *RASTER, "--mode", "window", "--material", "bone")
 TIMES = ("wall_s", "recording")
 CLOCKED = ("prepare_ms", "register_ms")
 
@@ -164,7 +165,7 @@ def test_what_cannot_be_done_is_refused_before_there_is_light(
 
 
 def recorded(path: Path) -> scanning.RecordedScan:
-    table = {"rows": 26, "columns": 26, "step_mm": 1.5, "mode": "window", "material": "bone"}
+    table = {"rows": 26, "columns": 26, "step_mm": 1.5, "mode": "window", "material": "bone", "order": "interlaced"}
     with session.session(override(Settings(), {"scan": table}), None) as one:
         session.warm_up(one)
         return scanning.record_scan(one, path, following.asked(HIP_FILE, {}, None))

@@ -12,7 +12,8 @@ from picoradar.registration._types import BoolArray
 from picoradar.registration.errors import RegistrationError
 from picoradar.registration.model import Model
 from picoradar.registration.refine import excluded_regions
-from picoradar.registration.register.batch import USUAL, check_noise, check_targets, register, sockets_of
+from picoradar.registration.register.asked import USUAL, check_noise, check_targets, sockets_of
+from picoradar.registration.register.batch import register
 from picoradar.registration.register.live.cloud import GrowingCloud
 from picoradar.registration.register.live.line import MeasuredLine
 from picoradar.registration.register.live.options import RegisterOptions, budget_of, settings_of

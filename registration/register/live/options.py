@@ -7,7 +7,7 @@ from typing import TypedDict
 
 import numpy.typing as npt
 
-from picoradar.registration.register.batch import budget_with, with_model_noise
+from picoradar.registration.register.asked import budget_with, with_model_noise
 from picoradar.registration.search import Start
 from picoradar.registration.settings import RobustSettings
 from picoradar.registration.trust import ErrorBudget, Objection, Tolerance
