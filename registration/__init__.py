@@ -10,7 +10,7 @@ from picoradar.registration.classic import DissertationSettings
 from picoradar.registration.errors import DegenerateError, MeshError, PointsError, RegistrationError, StartError
 from picoradar.registration.live import LiveRegistration
 from picoradar.registration.model import Model, load_model, prepare_model
-from picoradar.registration.paired_points import PairedPoints, paired_points
+from picoradar.registration.paired_points import PairedPoints, judge_pairs, paired_points, second_order
 from picoradar.registration.register import check_targets, register
 from picoradar.registration.search import Cone, Landmarks
 from picoradar.registration.settings import PreparationSettings, RobustSettings
@@ -38,10 +38,12 @@ __all__ = [
     "Target",
     "Tolerance",
     "check_targets",
+    "judge_pairs",
     "load_model",
     "paired_points",
     "pose_error",
     "prepare_model",
     "register",
     "residual_measures",
+    "second_order",
 ]

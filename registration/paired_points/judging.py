@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
 
 from picoradar.registration._types import FloatArray
 from picoradar.registration.errors import DegenerateError, PointsError
@@ -120,6 +119,8 @@ def _leverage(b: FloatArray) -> FloatArray:
 def _agree_only_without(less: float, more: float, count: int, tries: int, fle_mm: float | None) -> bool:
     """Whether a sum of squares falls by more than noise lets it (from `more` to `less`) when one of `count` pairs is
     mended, chosen among so many tries."""
+    from scipy import stats  # its import takes the time of six registrations
+
     alarm = FALSE_ALARMS / tries
     if fle_mm is not None:
         limit = stats.chi2.isf(alarm, 3)
@@ -161,8 +162,14 @@ def _exchanged(b: FloatArray, a: FloatArray, square: float, fle_mm: float | None
     i, j = pairs[best]
     rest = [k for k in range(count) if k not in (i, j)]
     scale = fle_mm**2 / 3.0 if fle_mm is not None else _usual(b[rest], a[rest])
-    fits = swapped[best] < scale * stats.chi2.isf(FALSE_ALARMS, 3 * count - 6)
-    return (i, j) if fits else None
+    return (i, j) if swapped[best] < scale * _usual_sum(count) else None
+
+
+def _usual_sum(count: int) -> float:
+    """Sum of squares, in variances of one axis, that good pairs exceed in one set of a hundred."""
+    from scipy import stats
+
+    return float(stats.chi2.isf(FALSE_ALARMS, 3 * count - 6))
 
 
 def _usual(b: FloatArray, a: FloatArray) -> float:
@@ -187,7 +194,7 @@ def _sentences(
         return [f"{names[off]} is off by {away:.1f} mm from where the other pairs put it: click it again."]
     if fle_mm is not None:
         square = _square(b, a)
-        if square / (fle_mm**2 / 3.0) > stats.chi2.isf(FALSE_ALARMS, 3 * len(b) - 6):
+        if square / (fle_mm**2 / 3.0) > _usual_sum(len(b)):
             seen, expected = np.sqrt(square / len(b)), fle_mm * np.sqrt(1.0 - 2.0 / len(b))
             return [
                 f"The pairs agree to {seen:.1f} mm, {expected:.1f} mm are expected by their localisation error: "

@@ -11,6 +11,7 @@ import typer
 from picoradar.instrument.cli import options, output
 from picoradar.instrument.cli.commands import register as registering
 from picoradar.instrument.cli.new_files import make_folder, refuse_taken
+from picoradar.instrument.cli.register_options import ToleranceOption
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.events import JsonObject
 
@@ -42,7 +43,7 @@ def demo(
     estimator: options.Estimator = None,
     material: options.Material = None,
     method: Annotated[str, typer.Option(help="Registration: robust or dissertation.")] = "robust",
-    tolerance: registering.ToleranceOption = None,
+    tolerance: ToleranceOption = None,
     speed: options.Speed = "max",
     out: Annotated[
         Path | None, typer.Option("--out", help="Report folder to make; must not hold a recording yet.")

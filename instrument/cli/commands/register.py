@@ -13,6 +13,20 @@ import typer
 from picoradar.instrument.cli import output
 from picoradar.instrument.cli.options import Json, LandmarksFile, TargetsFile, parse_numbers
 from picoradar.instrument.cli.register_inputs import read_budget, read_regions, read_start, read_targets
+from picoradar.instrument.cli.register_options import (
+    Budget,
+    Fiducials,
+    FleMm,
+    Method,
+    ModelOffset,
+    Noise,
+    Origin,
+    RangeBias,
+    RegionsFile,
+    SigmaModel,
+    Start,
+    ToleranceOption,
+)
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.events import JsonObject
 
@@ -21,56 +35,19 @@ if TYPE_CHECKING:
     from picoradar.instrument.files.points import PointFile
     from picoradar.registration import ErrorBudget, Registration, Target, Tolerance
 
-Method = Annotated[str, typer.Option(help="robust, or dissertation (ICP of the thesis; needs landmarks or a pose).")]
-Start = Annotated[
-    str,
-    typer.Option(
-        help="any, landmarks, or a JSON file with a 4x4 model_from_scanner or with the directions that the scanner may "
-        'look from: {"towards": [x,y,z], "half_angle_deg": 20}, model frame.'
-    ),
-]
-
-RangeBias = Annotated[
-    float | None,
-    typer.Option(
-        help="SD of a range error common to all points, mm; by default what the recording, or its export, says."
-    ),
-]
-ToleranceOption = Annotated[
-    str | None,
-    typer.Option(
-        "--tolerance", help="Largest error that the verdict allows: DEG,MM of rotation and at the targets (1,1)."
-    ),
-]
-
-RegionsFile = Annotated[
-    Path | None, typer.Option("--exclude", help='JSON list of {"center": [x,y,z], "radius_mm": r}, model frame.')
-]
-Origin = Annotated[str | None, typer.Option("--scanner-origin", help="Where the beams came from: x,y,z in mm.")]
-Noise = Annotated[float | None, typer.Option(help="Range noise of a point, mm; estimated when not given.")]
-SigmaModel = Annotated[
-    float | None, typer.Option(help="SD of the model's surface, mm: random over it (facets 0.02, a CT of 1 mm 0.1).")
-]
-ModelOffset = Annotated[
-    float | None, typer.Option(help="SD of the model being too large or small all over, mm: threshold of the CT.")
-]
-Budget = Annotated[
-    Path | None,
-    typer.Option(help='JSON with these and other standard deviations of what remains: {"mirror_scale": 0.001, ...}.'),
-]
-
 
 def add_to(app: typer.Typer) -> None:
     """Register the subcommand."""
     app.command(
         epilog="Examples: picoradar register scan.db hip.stl --landmarks clicks.json\n\n"
-        "picoradar register cloud.csv hip.stl --scanner-origin 0,0,0 --range-bias-mm 0.4 --json"
+        "picoradar register cloud.csv hip.stl --scanner-origin 0,0,0 --range-bias-mm 0.4 --json\n\n"
+        "picoradar register --fiducials pairs.json --fle-mm 1.5 --targets places.json"
     )(register)
 
 
 def register(
-    cloud: Annotated[Path, typer.Argument(help="Recording, or points as .ply .csv .xyz .npz (mm).")],
-    model: Annotated[Path, typer.Argument(help="Mesh as .stl .ply .obj .glb .vtp (mm).")],
+    cloud: Annotated[Path | None, typer.Argument(help="Recording, or points as .ply .csv .xyz .npz (mm).")] = None,
+    model: Annotated[Path | None, typer.Argument(help="Mesh as .stl .ply .obj .glb .vtp (mm).")] = None,
     landmarks: LandmarksFile = None,
     targets: TargetsFile = None,
     exclude: RegionsFile = None,
@@ -80,6 +57,8 @@ def register(
     sigma_model_mm: SigmaModel = None,
     model_offset_mm: ModelOffset = None,
     budget: Budget = None,
+    fiducials: Fiducials = None,
+    fle_mm: FleMm = None,
     tolerance: ToleranceOption = None,
     method: Method = "robust",
     start: Start = "any",
@@ -88,15 +67,18 @@ def register(
     """Find the pose of a scanned cloud in a model, and say how far to trust it."""
     import picoradar.registration as reg
     from picoradar.instrument.cli import zero
+    from picoradar.instrument.cli.commands.fiducials import Pairs, register_fiducials
     from picoradar.instrument.files.points import read_points
 
     chosen, allowed = checked_method(method), parse_tolerance(tolerance)
     begin, places, regions = read_start(start, landmarks), read_targets(targets), read_regions(exclude)
-    stated = read_budget(budget)
-    points = read_points(cloud)
+    if fiducials is not None:
+        register_fiducials(Pairs(fiducials, fle_mm, alone=cloud is None), places, allowed, json=json)
+        return
+    cloud, model = _both(cloud, model)
+    stated, points = read_budget(budget), read_points(cloud)
     check, known = zero.check_of_points(cloud, points), range_error_taken(cloud, points, range_bias_mm, stated)
-    began = time.perf_counter()
-    prepared = reg.load_model(model)
+    began, prepared = time.perf_counter(), reg.load_model(model)
     prepared_at = time.perf_counter()
     result = reg.register(
         points.points,
@@ -117,14 +99,25 @@ def register(
         tolerance=allowed,
         objections=zero.objections(check),
     )
-    times = {"prepare_ms": (prepared_at - began) * 1e3, "register_ms": (time.perf_counter() - prepared_at) * 1e3}
     if json:
-        told = {"range_error": known, "zero_check": zero.described(check)}
-        output.print_json({**describe(result, allowed, **times), **told})
+        times = {"prepare_ms": (prepared_at - began) * 1e3, "register_ms": (time.perf_counter() - prepared_at) * 1e3}
+        told = describe(result, allowed, **times)
+        output.print_json({**told, "range_error": known, "zero_check": zero.described(check)})
     else:
         show(result, check, known)
+    _exit_by(result)
+
+
+def _exit_by(result: Registration) -> None:
+    """End with another status where the pose must not be used."""
     if result.verdict == "fail":
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
+
+
+def _both(cloud: Path | None, model: Path | None) -> tuple[Path, Path]:
+    if cloud is None or model is None:
+        raise BadInput("a cloud and a model are needed, or --fiducials FILE alone; see picoradar register --help")
+    return cloud, model
 
 
 def range_error_taken(

@@ -10,6 +10,7 @@ import typer
 from picoradar.instrument.cli import options, output, transcripts
 from picoradar.instrument.cli.commands import register as registering
 from picoradar.instrument.cli.new_files import make_folder, refuse_taken
+from picoradar.instrument.cli.register_options import ToleranceOption
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.events import JsonObject
 
@@ -52,7 +53,7 @@ def scan(
     targets: options.TargetsFile = None,
     landmarks: options.LandmarksFile = None,
     until_tre: options.UntilTre = None,
-    tolerance: registering.ToleranceOption = None,
+    tolerance: ToleranceOption = None,
     transcript: transcripts.TranscriptFile = None,
     json: options.Json = False,
 ) -> None:
