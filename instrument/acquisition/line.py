@@ -49,6 +49,7 @@ def to_scan_line(plan: LinePlan, captured: Captured, calibration: Calibration, b
         last_range_variance_mm2=ranges.last_variance_mm2,
         last_response_mv=ranges.last_response_mv,
         range_covariance_mm2=ranges.covariance_mm2,
+        stretch=_stretch(ranges),
     )
 
 
@@ -68,7 +69,14 @@ def reprocessed(line: ScanLine, ranges: Ranges, calibration: Calibration) -> Sca
         last_range_variance_mm2=ranges.last_variance_mm2,
         last_response_mv=ranges.last_response_mv,
         range_covariance_mm2=ranges.covariance_mm2,
+        stretch=_stretch(ranges),
     )
+
+
+def _stretch(ranges: Ranges) -> NDArray[np.float64] | None:
+    """Return stretch and variance (N, 2) where any echo tells them."""
+    found = np.stack([ranges.stretch, ranges.stretch_variance], axis=1)
+    return found if np.isfinite(found).any() else None
 
 
 class _InSpace(NamedTuple):

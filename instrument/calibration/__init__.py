@@ -22,6 +22,7 @@ from picoradar.instrument.calibration.parts import (
     Templates,
     Walk,
 )
+from picoradar.instrument.calibration.stretch import Stretch
 from picoradar.instrument.calibration.zero import (
     ZeroCheck,
     ZeroDifference,
@@ -46,6 +47,7 @@ __all__ = [
     "Ranging",
     "ScannerErrors",
     "ShotNoise",
+    "Stretch",
     "Templates",
     "Walk",
     "ZeroCheck",

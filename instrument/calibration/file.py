@@ -8,10 +8,17 @@ import json
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field, ValidationError, field_validator
+from pydantic import Field, PrivateAttr, ValidationError, field_validator
 
 from picoradar.drivers.errors import parse_json, read_text
-from picoradar.instrument.calibration.materials import Material, RangeError, Ranging, in_utc, range_error
+from picoradar.instrument.calibration.materials import (
+    Material,
+    RangeError,
+    Ranging,
+    in_utc,
+    range_error,
+    stretch_of,
+)
 from picoradar.instrument.calibration.parts import (
     GeometryUncertainty,
     Part,
@@ -20,6 +27,7 @@ from picoradar.instrument.calibration.parts import (
     Templates,
     Walk,
 )
+from picoradar.instrument.calibration.stretch import Stretch
 from picoradar.instrument.calibration.zero import ZeroMark, ZeroPlate
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.settings import Method
@@ -65,6 +73,8 @@ class Calibration(Part):
     zero_mark: ZeroMark | None = Field(None, description="mark by which every scan checks the range zero")
     zero_plate: ZeroPlate | None = Field(None, description="last check of the range zero on a plate (bench zero)")
 
+    _stretch: Stretch | None = PrivateAttr(None)
+
     @field_validator("date")
     @classmethod
     def _with_zone(cls, date: datetime.datetime) -> datetime.datetime:
@@ -86,7 +96,18 @@ class Calibration(Part):
         entry = self.materials.get(material, {}).get(ranging)
         if entry is None:
             return self
-        return self.model_copy(update={"range_zero_mm": self.range_zero_mm - entry.bias_mm})
+        ranged = self.model_copy(update={"range_zero_mm": self.range_zero_mm - entry.bias_mm})
+        ranged._stretch = entry.stretch
+        return ranged
+
+    @property
+    def stretch(self) -> Stretch | None:
+        """Get how echoes of the material are stretched, of a calibration for one (`for_material`); None else."""
+        return self._stretch
+
+    def stretch_terms(self, material: str, ranging: Ranging) -> dict[str, float] | None:
+        """Return what is needed to correct ranges on this material by the form of their echoes; None: not known."""
+        return stretch_of(self.materials.get(material, {}).get(ranging), self.range_zero_sd_mm)
 
     def range_error(self, material: str, ranging: Ranging) -> RangeError:
         """Return what is known of the range error that all points on this material share."""

@@ -11,9 +11,10 @@ import datetime
 import math
 from typing import Literal, NamedTuple
 
-from pydantic import Field, field_validator
+from pydantic import Field, SerializerFunctionWrapHandler, field_validator, model_serializer
 
 from picoradar.instrument.calibration.parts import Part
+from picoradar.instrument.calibration.stretch import Stretch, stretch_terms
 
 Ranging = Literal["half-maximum", "template", "window"]
 """How an echo is ranged: the two estimators on whole traces, and ``window``, the template on its windows alone."""
@@ -48,6 +49,8 @@ class Material(Part):
         What carrying it over to another piece of the same material adds: standard deviation of the difference.
     measured : datetime
     method : str
+    stretch : Stretch or None
+        How the form of the echo tells the bias of other pieces; None where it was not seen, as in older files.
     """
 
     bias_mm: float = Field(ge=-5, le=50, description="how much too far it reads, taken off each range, mm")
@@ -55,11 +58,18 @@ class Material(Part):
     transfer_sd_mm: float = Field(ge=0, le=50, description="standard deviation that another piece adds, mm")
     measured: datetime.datetime = Field(description="when, with time zone")
     method: str = Field(min_length=1, description="how: procedure, piece, coat, poses")
+    stretch: Stretch | None = Field(None, description="how the form of the echo tells the bias of other pieces")
 
     @field_validator("measured")
     @classmethod
     def _with_zone(cls, date: datetime.datetime) -> datetime.datetime:
         return in_utc(date)
+
+    @model_serializer(mode="wrap")
+    def _as_before(self, plain: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """Leave out a stretch that is not there: files from before it keep their digest."""
+        found: dict[str, object] = plain(self)
+        return {name: value for name, value in found.items() if name != "stretch" or value is not None}
 
 
 class RangeError(NamedTuple):
@@ -95,3 +105,11 @@ def range_error(material: str, entry: Material | None, zero_sd_mm: float | None)
         return RangeError(material, 0.0, zero_sd_mm if material == ZERO_MATERIAL else None)
     sd_mm = None if zero_sd_mm is None else math.hypot(zero_sd_mm, entry.sample_sd_mm, entry.transfer_sd_mm)
     return RangeError(material, entry.bias_mm, sd_mm)
+
+
+def stretch_of(entry: Material | None, zero_sd_mm: float | None) -> dict[str, float] | None:
+    """Return what a scan needs to correct its ranges by the form of its echoes; None where that is not known."""
+    if entry is None or entry.stretch is None or zero_sd_mm is None or entry.bias_mm <= 0:
+        return None
+    rest_mm = math.hypot(zero_sd_mm, entry.sample_sd_mm)
+    return stretch_terms(entry.bias_mm, entry.transfer_sd_mm, rest_mm, entry.stretch)

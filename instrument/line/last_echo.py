@@ -32,7 +32,7 @@ class LastEcho:
     last_points_mm : (N, 3) float array
         Point of the last echo in the scanner frame, on the same beam as the first.
     last_range_mm, last_range_variance_mm2, last_response_mv : (N,) float arrays
-        Its range along the beam (walk corrected), the variance of it, and its amplitude.
+        Its range along the beam (walk corrected; not for the stretch of echoes), the variance of it, and its amplitude.
     range_covariance_mm2 : (N,) float array
         Covariance of the first and the last range.
     """

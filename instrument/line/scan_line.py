@@ -78,6 +78,10 @@ class ScanLine(LastEcho):
         Device time (s on the bench's clock) at which the line was begun.
     windows : LineWindows or None
         Raw windows in place of whole traces, if they are kept.
+    stretch : (N, 2) float array or None
+        How far light from inside the target stretches each echo, and its variance (`unstretched`); NaN where that
+        cannot be told, None where the calibration does not say how. The ranges of a line are not corrected by it:
+        that takes the other lines.
     """
 
     index: int
@@ -93,6 +97,7 @@ class ScanLine(LastEcho):
     sweeps: int
     device_time_s: float
     windows: LineWindows | None = None
+    stretch: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         """Say that no place has a last echo where none was given."""

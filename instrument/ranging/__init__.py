@@ -14,6 +14,7 @@ from picoradar.instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, SP
 from picoradar.instrument.ranging.scaling import OtherPulse
 from picoradar.instrument.ranging.self_calibration import learn_moving
 from picoradar.instrument.ranging.settings import AveragingSettings, LearningSettings, RangingSettings, WalkSettings
+from picoradar.instrument.ranging.stretch_learning import Leftover, learn_stretch, left_of_echoes
 from picoradar.instrument.ranging.walk import fit_walk
 from picoradar.instrument.ranging.windows.choice import PlanSettings
 from picoradar.instrument.ranging.windows.estimate import estimate_points, estimate_windows, with_retaken
@@ -26,6 +27,7 @@ __all__ = [
     "SPEED_OF_LIGHT_MM_PER_PS",
     "AveragingSettings",
     "LearningSettings",
+    "Leftover",
     "LineBefore",
     "OtherPulse",
     "PlanSettings",
@@ -45,6 +47,8 @@ __all__ = [
     "fit_walk",
     "learn",
     "learn_moving",
+    "learn_stretch",
+    "left_of_echoes",
     "mark_footprint",
     "range_bound_mm2",
     "with_retaken",

@@ -14,11 +14,12 @@ from picoradar.instrument.line import NO_RANGE, Flag
 from picoradar.instrument.ranging.half_maximum import external_reference, half_maximum, join
 from picoradar.instrument.ranging.judging import flag_pulses
 from picoradar.instrument.ranging.overlap import moved_by_tail
-from picoradar.instrument.ranging.pair import Last, mark, to_ranges
+from picoradar.instrument.ranging.pair import Last, mark, to_ranges, with_stretch
 from picoradar.instrument.ranging.pulses import coarse_traces, next_pulse
 from picoradar.instrument.ranging.ranges import Ranges
 from picoradar.instrument.ranging.self_calibration import self_calibrate
 from picoradar.instrument.ranging.settings import LearningSettings, RangingSettings
+from picoradar.instrument.ranging.stretch import Stretched
 from picoradar.instrument.ranging.template import FoundEdges, Shapes, fit_pair, shapes_of
 
 FloatArray = NDArray[np.float64]
@@ -133,7 +134,8 @@ def _way(
             shapes = shapes_of(calibration)
         else:
             single = records.reference_ps is not None
-            shapes = self_calibrate(records.traces, times, limits, records.sweeps, learning, single=single)
+            learnt = self_calibrate(records.traces, times, limits, records.sweeps, learning, single=single)
+            shapes = None if learnt is None else Shapes(*learnt)
     return _Way(times, method, shapes, calibration, limits)
 
 
@@ -192,6 +194,7 @@ def _block(records: _Records, way: _Way) -> Ranges:
     mark(flags, Flag.CLIPPED, usable & (seen_clipped | ends))
     pair = join(start, stop, coarse)
     last: Last | None = None
+    stretched: Stretched | None = None
     if method == "template" and shapes is None:  # no record has two clear pulses, so there is nothing to fit with
         mark(flags, Flag.NO_ECHO, (flags & np.uint16(Flag.NO_REFERENCE)) == 0)
     elif shapes is None:
@@ -199,11 +202,11 @@ def _block(records: _Records, way: _Way) -> Ranges:
             mark(flags, Flag.OVERLAPPED, moved_by_tail(start, stop, calibration.templates))
     else:
         fitted = fit_pair(traces, times, coarse, FoundEdges(start, stop, further.found), shapes, sweeps, limits)
-        pair, last = fitted.pair, fitted.last
+        pair, last, stretched = fitted.pair, fitted.last, fitted.stretched
         ranged = (flags & np.uint16(NO_RANGE)) == 0
         mark(flags, Flag.MIXED, ranged & fitted.second)
         mark(flags, Flag.DISTORTED, ranged & fitted.distorted)
-    return to_ranges(pair, flags, method, calibration, limits, last)
+    return with_stretch(to_ranges(pair, flags, method, calibration, limits, last), stretched)
 
 
 def _check_times(times_ps: ArrayLike, limits: RangingSettings) -> FloatArray:

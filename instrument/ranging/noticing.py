@@ -8,10 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from picoradar.instrument.calibration import Stretch
 from picoradar.instrument.ranging.common_shape import CommonShape, common_shape, moved_sd_ps, without
 from picoradar.instrument.ranging.residual_noise import ResidualNoise
 from picoradar.instrument.ranging.second_pulse import evidence
 from picoradar.instrument.ranging.settings import RangingSettings
+from picoradar.instrument.ranging.stretch import Stretched, stretch_in
 from picoradar.instrument.ranging.template_fit import PulseFit
 
 FloatArray = NDArray[np.float64]
@@ -23,16 +25,21 @@ class Noticed(NamedTuple):
     the pulse has another shape (R,).
 
     ``poor`` (R,) are the fits of one pulse that leave more than noise does, whether or not all records do, or in which
-    a second pulse stands out so far that it may be told apart."""
+    a second pulse stands out so far that it may be told apart. ``stretched`` is the stretch of echoes, if it was asked
+    for."""
 
     fit: PulseFit
     second: BoolArray
     distorted: BoolArray
     poor: BoolArray
+    stretched: Stretched | None = None
 
 
 def notice(
-    references: Sequence[PulseFit], echoes: Sequence[PulseFit], settings: RangingSettings
+    references: Sequence[PulseFit],
+    echoes: Sequence[PulseFit],
+    settings: RangingSettings,
+    stretch: Stretch | None = None,
 ) -> tuple[list[Noticed], list[Noticed]]:
     """Judge fits of references and echoes by what they leave.
 
@@ -41,6 +48,8 @@ def notice(
     references, echoes : sequences of PulseFit
         Groups of records that were taken one shortly after the other; those of a group have pieces of one form.
     settings : RangingSettings
+    stretch : Stretch, optional
+        How light that enters the target stretches echoes: so far, they are as they should be.
 
     Returns
     -------
@@ -49,6 +58,10 @@ def notice(
     """
     of_instrument = _common(references, settings)
     plain = [without(fit, of_instrument) for fit in (*references, *echoes)]
+    stretched: list[Stretched | None] = [None] * len(plain)
+    if stretch is not None:
+        for k in range(len(references), len(plain)):
+            stretched[k], plain[k] = stretch_in(plain[k], stretch, settings)
     alone = of_instrument is None and len(references) == 1  # then nothing is left to be found in it
     shapes = [None if alone and k == 0 else common_shape(fit, settings) for k, fit in enumerate(plain)]
     bare = [without(fit, shape) for fit, shape in zip(plain, shapes, strict=True)]
@@ -62,6 +75,7 @@ def notice(
     ]
     for k in range(len(references), len(judged)):
         judged[k] = _with_second_pulse(judged[k], plain[k], noise, settings)
+        judged[k] = _with_stretch(judged[k], stretched[k], noise)
     if of_instrument is not None and of_instrument.rms > settings.worst_residual:
         judged = [one._replace(distorted=~one.second) for one in judged]
     return judged[: len(references)], judged[len(references) :]
@@ -120,3 +134,12 @@ def _with_second_pulse(judged: Noticed, plain: PulseFit, noise: ResidualNoise, s
     )
     clear = second & (most > settings.clear_sigmas)
     return judged._replace(second=second, distorted=judged.distorted & ~second, poor=judged.poor | clear)
+
+
+def _with_stretch(judged: Noticed, found: Stretched | None, noise: ResidualNoise) -> Noticed:
+    """Add the stretch of echoes with the noise of the day; where there are two pulses it is not known."""
+    if found is None:
+        return judged
+    unknown = np.where(judged.second, np.nan, 1.0)
+    variance = found.variance * noise.usual_square(judged.fit)
+    return judged._replace(stretched=Stretched(found.share * unknown, variance * unknown))

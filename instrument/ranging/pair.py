@@ -12,6 +12,7 @@ from picoradar.instrument.calibration import Calibration, Method
 from picoradar.instrument.line import NO_RANGE, Flag
 from picoradar.instrument.ranging.ranges import RANGE_PER_INTERVAL_MM_PER_PS, PerRecord, Ranges
 from picoradar.instrument.ranging.settings import RangingSettings
+from picoradar.instrument.ranging.stretch import Stretched
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -134,6 +135,15 @@ def to_ranges(
         echo_ps=np.where(none, np.nan, pair.reference_ps + pair.interval_ps),
         **of_last,
     )
+
+
+def with_stretch(ranges: Ranges, found: Stretched | None) -> Ranges:
+    """Return ranges with the stretch of their echoes, if it was asked for; where there are two it is not known."""
+    if found is None:
+        return ranges
+    none = (ranges.flags & np.uint16(NO_RANGE | Flag.MIXED | Flag.CLIPPED)) != 0
+    share, variance = (np.where(none, np.nan, values) for values in found)
+    return replace(ranges, stretch=share, stretch_variance=variance)
 
 
 def _corrected(

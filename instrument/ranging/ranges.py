@@ -28,6 +28,13 @@ class PerRecord:
         return replace(self, **{one.name: getattr(self, one.name)[records] for one in fields(self)})
 
 
+MAY_LACK = (
+    *("last_range_mm", "last_variance_mm2", "last_response_mv", "covariance_mm2"),
+    *("stretch", "stretch_variance"),
+)
+"""Values that not every way of ranging has."""
+
+
 def _empty() -> NDArray[np.float64]:
     return np.empty(0)
 
@@ -59,6 +66,9 @@ class Ranges(PerRecord):
         Of the last echo where a record has two that are told apart, of which the range is the first; else NaN.
     covariance_mm2 : float array
         Covariance of the first and the last range; NaN where there is one.
+    stretch, stretch_variance : float arrays
+        How far light from inside the target stretches the echo, against the piece of its material that was measured
+        (1; paint: 0), and its variance; NaN where that cannot be told or the calibration is for no material.
     """
 
     range_mm: NDArray[np.float64]
@@ -73,9 +83,11 @@ class Ranges(PerRecord):
     last_variance_mm2: NDArray[np.float64] = field(default_factory=_empty)
     last_response_mv: NDArray[np.float64] = field(default_factory=_empty)
     covariance_mm2: NDArray[np.float64] = field(default_factory=_empty)
+    stretch: NDArray[np.float64] = field(default_factory=_empty)
+    stretch_variance: NDArray[np.float64] = field(default_factory=_empty)
 
     def __post_init__(self) -> None:
-        """Say that no record has a last echo where none was given."""
-        for name in ("last_range_mm", "last_variance_mm2", "last_response_mv", "covariance_mm2"):
+        """Say that no record has a last echo, or a stretch, where none was given."""
+        for name in MAY_LACK:
             if len(getattr(self, name)) != len(self.flags):
                 object.__setattr__(self, name, np.full(len(self.flags), np.nan))

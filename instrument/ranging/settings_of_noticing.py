@@ -35,6 +35,9 @@ class NoticingSettings:
     many_outliers, worst_energy_share : float, float
         A pulse with more than that share of its samples left out, or whose shots scatter by more in energy (the diode
         misfires), is `distorted`.
+    stretch_neighbours, largest_stretch : int, float
+        Of light that enters the target (`stretch`): records on either side whose median is what an echo is taken to be
+        stretched by before it is judged, and the most of it. Fat is stretched 1.9 times as much as bone.
     """
 
     max_pooled_misfit: float = 3.0
@@ -62,3 +65,5 @@ class NoticingSettings:
     least_apart_ps: float = 80.0
     many_outliers: float = 0.05
     worst_energy_share: float = 0.05
+    stretch_neighbours: int = 5
+    largest_stretch: float = 2.5

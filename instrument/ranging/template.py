@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.calibration import Calibration, ShotNoise, Templates
+from picoradar.instrument.calibration import Calibration, ShotNoise, Stretch, Templates
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.ranging.combining import NO_KNOWLEDGE, baselines_apart_mv2, combine, unreliable
 from picoradar.instrument.ranging.half_maximum import Edges, ExternalReference
@@ -20,13 +20,21 @@ from picoradar.instrument.ranging.pulses import CoarseTraces
 from picoradar.instrument.ranging.resolving import resolve
 from picoradar.instrument.ranging.settings import RangingSettings
 from picoradar.instrument.ranging.shape_table import PulseFamily, ShapeTable
+from picoradar.instrument.ranging.stretch import Stretched
 from picoradar.instrument.ranging.template_fit import UNKNOWNS, PulseFit, fit_pulses
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-Shapes = tuple[Templates, ShotNoise]
 
 MIN_VARIANCE_MV2 = 1e-12  # of a baseline without noise: its weight must stay finite
+
+
+class Shapes(NamedTuple):
+    """What pulses are fitted with: their shapes and noise, and how a material stretches them, if that is known."""
+
+    templates: Templates
+    noise: ShotNoise
+    stretch: Stretch | None = None
 
 
 def shapes_of(calibration: Calibration) -> Shapes:
@@ -42,12 +50,12 @@ def shapes_of(calibration: Calibration) -> Shapes:
             "the template estimator needs a calibration with templates and noise floor; "
             "learn them on the bench (picoradar bench gray-target) or use half-maximum"
         )
-    return calibration.templates, calibration.noise
+    return Shapes(calibration.templates, calibration.noise, calibration.stretch)
 
 
 def tables(shapes: Shapes, step_ps: float, settings: RangingSettings) -> tuple[ShapeTable, ShapeTable]:
     """Return the look-up tables of reference and echo for a sampling step."""
-    return _tables(*shapes, step_ps, settings)
+    return _tables(shapes.templates, shapes.noise, step_ps, settings)
 
 
 @lru_cache(maxsize=16)
@@ -70,13 +78,14 @@ class FoundEdges(NamedTuple):
 
 
 class PairFit(NamedTuple):
-    """Reference and echo of R records: the pair, where there is a second echo, where a pulse has another shape, and
-    the last echo where there is one that is told apart."""
+    """Reference and echo of R records: the pair, where there is a second echo, where a pulse has another shape, the
+    last echo where there is one that is told apart, and how echoes are stretched, if it was asked for."""
 
     pair: PulsePair
     second: BoolArray
     distorted: BoolArray
     last: Last | None
+    stretched: Stretched | None
 
 
 def fit_pair(
@@ -100,7 +109,7 @@ def fit_pair(
     both = tables(shapes, step_ps, settings)
     lost = np.isnan(start.time_ps) | np.isnan(stop.time_ps)
     fits, firsts, of_echo_mv = _fit_both(traces_mv, times_ps, found, both, sweeps, settings)
-    (one,), (other,) = notice([fits[0]], [fits[1]], settings)
+    (one,), (other,) = notice([fits[0]], [fits[1]], settings, shapes.stretch)
     echoes = resolve(
         other,
         of_echo_mv,
@@ -118,9 +127,8 @@ def fit_pair(
         last_pair = combine(one.fit, echoes.last, *firsts, before=before, apart_mv2=apart)
         last = Last(last_pair, echoes.between)
     second = other.second | echoes.resolved
-    return PairFit(
-        _without(pair, lost, np.isnan(start.time_ps)), second, (one.distorted | other.distorted) & ~second, last
-    )
+    distorted = (one.distorted | other.distorted) & ~second
+    return PairFit(_without(pair, lost, np.isnan(start.time_ps)), second, distorted, last, other.stretched)
 
 
 class _Fits(NamedTuple):

@@ -12,12 +12,23 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from picoradar.instrument.calibration import ZERO_MATERIAL, Calibration, Material, Ranging, jacobian, true_angles
+from picoradar.instrument.calibration import (
+    ZERO_MATERIAL,
+    Calibration,
+    Material,
+    Ranging,
+    Stretch,
+    jacobian,
+    true_angles,
+)
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.procedures.penetration.report import Piece, described
 from picoradar.instrument.procedures.penetration.step import Half, Lean, Step, fit_lean, step_between
+from picoradar.instrument.procedures.penetration.stretch import PoseEchoes, echoes_of, stretch_of_piece
 from picoradar.instrument.procedures.station.findings import lost_readings, refused
+from picoradar.instrument.procedures.station.measured import Measured
 from picoradar.instrument.procedures.station.outcome import Outcome
 from picoradar.instrument.procedures.station.stage import Placing
 from picoradar.instrument.procedures.station.station import Station
@@ -83,20 +94,25 @@ def run(
     if material in ("", ZERO_MATERIAL):
         raise BadInput(f"material {material!r}: name what lies under the {ZERO_MATERIAL}, for example bone")
     poses: dict[float, dict[Ranging, Step]] = {}
+    echoes: list[PoseEchoes] = []
     for number, tilt_deg in enumerate(tilts_deg):
         station.progress(number / len(tilts_deg), f"piece turned by {tilt_deg:g} deg")
         asked = Placing("coated", DISTANCE_MM, (tilt_deg, 0.0))
         reported_mm = station.stage.place(asked)
-        halves, lost = _halves(_measured(station, tilt_deg, step_mm), station.calibration, str(asked))
+        sweep, clouds = _measured(station, tilt_deg, step_mm)
+        halves, lost = _halves(clouds, station.calibration, str(asked))
         if lost:
             return refused(NAME, lost, REMEDY)
         lean = fit_lean(halves["template" if "template" in halves else "half-maximum"][0])
         if wrong := _no_piece(lean, reported_mm):
             return refused(NAME, f"The {asked} {wrong}", REMEDY)
         poses[tilt_deg] = {ranging: step_between(*both, lean) for ranging, both in halves.items()}
+        if "template" in clouds:
+            echoes.append(echoes_of(sweep, _sides(clouds["template"]), station.calibration))
     station.progress(1.0, "evaluating")
     piece = Piece(material, coat_mm, poses)
-    entries = {ranging: _material(station, piece, ranging) for ranging in poses[tilts_deg[0]]}
+    stretch = stretch_of_piece(echoes) if echoes else None
+    entries = {ranging: _material(station, piece, ranging, stretch) for ranging in poses[tilts_deg[0]]}
     if wrong := _no_halves(entries, poses[tilts_deg[0]]["half-maximum"]):
         return refused(NAME, wrong, REMEDY)
     before = station.calibration
@@ -105,8 +121,9 @@ def run(
     return described(NAME, piece, after, PAINT_BIAS_MM)
 
 
-def _measured(station: Station, tilt_deg: float, step_mm: float) -> dict[Ranging, Cloud]:
-    """Scan the piece in each way that the radar can range; all points, also those without a range."""
+def _measured(station: Station, tilt_deg: float, step_mm: float) -> tuple[Measured, dict[Ranging, Cloud]]:
+    """Scan the piece in each way that the radar can range; all points, also those without a range, and the whole
+    traces."""
     name, calibration = f"tilt-{tilt_deg:02.0f}", station.calibration
     scan = functools.partial(
         station.scan,
@@ -122,7 +139,13 @@ def _measured(station: Station, tilt_deg: float, step_mm: float) -> dict[Ranging
         found["template"] = sweep.reprocessed("template", calibration)
     if calibration.templates is not None and station.has_windows:
         found["window"] = scan(f"{name}-window", in_windows=True).cloud
-    return found
+    return sweep, found
+
+
+def _sides(cloud: Cloud) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which points are on the painted half, and which on the bare one."""
+    across_mm = np.tan(cloud.angles_rad[:, 0]) * DISTANCE_MM
+    return across_mm < -EDGE_MM, across_mm > EDGE_MM
 
 
 def _halves(
@@ -131,9 +154,8 @@ def _halves(
     """Split each cloud into its painted and its bare half; also a finding in words where too much of one is lost."""
     halves: dict[Ranging, tuple[Half, Half]] = {}
     for ranging, cloud in clouds.items():
-        across_mm = np.tan(cloud.angles_rad[:, 0]) * DISTANCE_MM
         both = []
-        for name, side in (("painted", across_mm < -EDGE_MM), ("bare", across_mm > EDGE_MM)):
+        for name, side in zip(("painted", "bare"), _sides(cloud), strict=True):
             found = cloud.where(side & cloud.has_range)
             if lost := lost_readings(len(found), int(side.sum()), f"the {name} half of the {asked}"):
                 return {}, lost
@@ -166,7 +188,7 @@ def _no_halves(entries: Mapping[Ranging, Material], square: Step) -> str:
     return ""
 
 
-def _material(station: Station, piece: Piece, ranging: Ranging) -> Material:
+def _material(station: Station, piece: Piece, ranging: Ranging, stretch: Stretch | None) -> Material:
     """Combine the poses: the mean bias, as a scan sees its target at many angles, and what is uncertain about it."""
     biases = piece.biases_mm(ranging)
     bias_mm = float(np.mean(biases))
@@ -177,10 +199,12 @@ def _material(station: Station, piece: Piece, ranging: Ranging) -> Material:
     how += f" {max(piece.poses):g} deg at {DISTANCE_MM:g} mm, {station.stage}; another piece differs by {share:.0%}"
     if abs(bias_mm) < 2.0 * sample_sd_mm:
         how += ": of nothing, as no light was seen to enter this one"
+        stretch = None
     return Material(
         bias_mm=bias_mm,
         sample_sd_mm=sample_sd_mm,
         transfer_sd_mm=share * abs(bias_mm),
         measured=station.date,
         method=how,
+        stretch=None if ranging == "half-maximum" else stretch,  # whose fit leaves nothing that would show it
     )

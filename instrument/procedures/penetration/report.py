@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from picoradar.instrument.calibration import Calibration, Material, Ranging
+from picoradar.instrument.calibration import Calibration, Material, Ranging, Stretch
 from picoradar.instrument.procedures.penetration.step import Step
 from picoradar.instrument.procedures.station.outcome import Outcome, Plot, Readings
 
@@ -59,6 +59,12 @@ def described(name: str, piece: Piece, after: Calibration, paint_bias_mm: float)
     worst = max(entries.values(), key=lambda entry: entry.sample_sd_mm)
     passed = worst.sample_sd_mm <= SAMPLE_SD_LIMIT_MM
     shown = entries.get("window", next(iter(entries.values())))
+    stretch = shown.stretch
+    figures["stretch_sd"] = None if stretch is None else stretch.sd
+    plots = [Plot("bias", f"Range error on {piece.material}", _BIAS, lambda figure: _draw(figure, piece))]
+    if stretch is not None:
+        title = f"How {piece.material} stretches an echo"
+        plots.append(Plot("stretch", title, _STRETCH, lambda figure: _draw_stretch(figure, stretch)))
     return Outcome(
         name,
         passed,
@@ -69,7 +75,7 @@ def described(name: str, piece: Piece, after: Calibration, paint_bias_mm: float)
             f"too far on another piece of {piece.material}, one standard deviation",
         ),
         figures,
-        [Plot("bias", f"Range error on {piece.material}", _BIAS, lambda figure: _draw(figure, piece))],
+        plots,
         {ranging: _readings(piece, ranging) for ranging in entries},
         after if passed else None,
     )
@@ -86,6 +92,11 @@ def _findings(material: str, entries: Mapping[Ranging, Material], shown: Materia
         found.append(
             "No light was seen to enter it: nothing has to be taken off, and nothing is lost on another piece."
         )
+    if shown.stretch is not None:
+        found.append(
+            f"It stretches its echoes, which is known to {shown.stretch.sd:.1%}: scans tell by theirs how far other "
+            "pieces differ, and where there is paint."
+        )
     if not passed:
         found.append(f"More than {SAMPLE_SD_LIMIT_MM:g} mm for the piece itself is too uncertain.")
     return found
@@ -100,6 +111,12 @@ def _next(material: str, *, passed: bool) -> str:
 _BIAS = (
     "How much farther the bare half reads than paint, against the angle of incidence, with two standard errors; lines: "
     "what is taken off each range."
+)
+
+
+_STRETCH = (
+    "What the fit of the pulse of paint leaves of the echoes of the bare half, in per cent of their amplitude, against "
+    "the time after their 50 % point: a stretch of 1."
 )
 
 
@@ -123,3 +140,12 @@ def _draw(figure: Figure, piece: Piece) -> None:
     axes.set(xlabel="angle of incidence, deg", ylabel="farther than paint, mm")
     axes.grid(alpha=0.3)
     axes.legend(frameon=False, loc="upper left")
+
+
+def _draw_stretch(figure: Figure, stretch: Stretch) -> None:
+    axes = figure.subplots()
+    after_ps = stretch.start_ps + stretch.step_ps * np.arange(len(stretch.share))
+    axes.plot(after_ps, 100.0 * np.array(stretch.share), lw=1.5)
+    axes.axhline(0.0, color="0.6", lw=0.8)
+    axes.set(xlabel="after the 50 % point, ps", ylabel="left by the fit, % of the amplitude")
+    axes.grid(alpha=0.3)

@@ -95,10 +95,21 @@ def _place(half: Half, lean: Lean) -> tuple[float, float]:
     return mean_mm, float(np.sqrt((shares**2).sum() * few) / len(along_mm))
 
 
+def block_means(places_mm: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the mean value (B,) in each block of the places (N, 2) where there are some."""
+    blocks = _blocks(places_mm)
+    return np.asarray(np.bincount(blocks, values) / np.bincount(blocks), dtype=np.float64)
+
+
+def _blocks(places_mm: FloatArray) -> NDArray[np.intp]:
+    """Number the blocks in which places (N, 2) lie."""
+    places = np.floor(places_mm / BLOCK_MM)
+    return np.asarray(np.unique(places, axis=0, return_inverse=True)[1], dtype=np.intp).reshape(-1)
+
+
 def _sums(half: Half, values: FloatArray) -> FloatArray:
     """Sum the rows (N, K) of the points in each block."""
-    places = np.floor(half.points_mm[:, :2] / BLOCK_MM)
-    blocks = np.asarray(np.unique(places, axis=0, return_inverse=True)[1]).reshape(-1)
+    blocks = _blocks(half.points_mm[:, :2])
     sums = np.zeros((int(blocks.max()) + 1, values.shape[1]))
     np.add.at(sums, blocks, values)
     return sums

@@ -17,11 +17,20 @@ from picoradar.instrument.line import Flag
 from picoradar.instrument.ranging.combining import baselines_apart_mv2, combine, unreliable
 from picoradar.instrument.ranging.noticing import Noticed, notice
 from picoradar.instrument.ranging.overlap import without_other
-from picoradar.instrument.ranging.pair import Last, PulsePair, mark, mark_misplaced, share_reference, to_ranges
+from picoradar.instrument.ranging.pair import (
+    Last,
+    PulsePair,
+    mark,
+    mark_misplaced,
+    share_reference,
+    to_ranges,
+    with_stretch,
+)
 from picoradar.instrument.ranging.ranges import Ranges
 from picoradar.instrument.ranging.resolving import resolve
 from picoradar.instrument.ranging.settings import RangingSettings
 from picoradar.instrument.ranging.shape_table import ShapeTable
+from picoradar.instrument.ranging.stretch import Stretched
 from picoradar.instrument.ranging.template import shapes_of, tables
 from picoradar.instrument.ranging.windows.fit import PointWindows
 from picoradar.instrument.ranging.windows.pulse import FoundPulse, find_pulse
@@ -151,7 +160,7 @@ def _pairs(
     for (_, echo), first in zip(groups, firsts, strict=True):
         of_reference, of_echo = tables(shapes, echo.step_ps, limits)
         seconds.append(find_pulse(_without_tail(echo, first, of_reference, limits), of_echo, limits))
-    noticed = notice([found.fit for found in firsts], [found.fit for found in seconds], limits)
+    noticed = notice([found.fit for found in firsts], [found.fit for found in seconds], limits, shapes.stretch)
     echoes = [
         resolve(
             other,
@@ -183,7 +192,7 @@ def _pairs(
     ]
     together = np.concatenate(flags)
     mark(together, Flag.CLIPPED, seen_clipped)
-    return _Fitted(PulsePair.joined(pairs), last, together)
+    return _Fitted(PulsePair.joined(pairs), last, together, Stretched.joined([one.stretched for one in noticed[1]]))
 
 
 def _without_tail(
@@ -196,17 +205,20 @@ def _without_tail(
 
 
 class _Fitted(NamedTuple):
-    """Records whose windows are fitted: pair of the first echo, the last echoes if there are any, and flags."""
+    """Records whose windows are fitted: pair of the first echo, the last echoes if there are any, flags, and how echoes
+    are stretched, if it was asked for."""
 
     pair: PulsePair
     last: Last | None
     flags: FlagArray
+    stretched: Stretched | None
 
     def taken(self, records: NDArray[np.intp]) -> _Fitted:
         last = self.last
         if last is not None:
             last = Last(last.pair.taken(records), last.between[records])
-        return _Fitted(self.pair.taken(records), last, self.flags[records])
+        found = None if self.stretched is None else self.stretched.taken(records)
+        return _Fitted(self.pair.taken(records), last, self.flags[records], found)
 
 
 def _flags(
@@ -229,10 +241,10 @@ def _flags(
 
 
 def _ranges(fitted: _Fitted, calibration: Calibration, limits: RangingSettings, *, shared_reference: bool) -> Ranges:
-    pair, last, flags = fitted
+    pair, last, flags, stretched = fitted
     mark_misplaced(flags, pair, calibration)
     use = (flags & np.uint16(Flag.NO_REFERENCE)) == 0
     if shared_reference:
         pair = share_reference(pair, use, limits)
         last = None if last is None else Last(share_reference(last.pair, use, limits), last.between)
-    return to_ranges(pair, flags, "template", calibration, limits, last)
+    return with_stretch(to_ranges(pair, flags, "template", calibration, limits, last), stretched)
