@@ -17,7 +17,7 @@ import zstandard
 from benchmarks.fuzz import mutate
 from picoradar.drivers.traces import CodeScale, Trace
 from picoradar.instrument.cli.main import run
-from picoradar.instrument.line import ScanLine
+from picoradar.instrument.line import ScanLine, StretchTerms
 from picoradar.instrument.recording import Recording
 from picoradar.instrument.recording.layout import line_crc32
 
@@ -27,6 +27,7 @@ COLUMNS = {
     "wave": ("k", "rows", "samples", "bytes_per_sum", "crc32", "data"),
     "window": ("k", "n", "samples", "bytes_per_sum", "crc32", "pieces", "data"),
     "echo": ("k", "n", "data"),
+    "stretch": ("k", "n", "data"),
     "event": ("id", "t", "kind", "state", "data"),
 }
 SCHEMA = (
@@ -53,6 +54,9 @@ def sound_recordings() -> list[bytes]:
 def _small(path: Path) -> None:
     trace = {"start_ps": 6500.0, "step_ps": 6.7, "samples": 9, "zero_code": 40.0, "mv_per_code": 0.5}
     header = {"raster": {"rows": 3, "columns": 2}, "trace": trace, "settings": {}, "scanner": {"dg645": "DG645"}}
+    header["raster"]["step_mm"] = 1.0
+    header["range_error"] = {"material": "bone", "bias_mm": 3.2, "sd_mm": 0.4}
+    header["stretch"] = StretchTerms(3.2, rest_mm=0.15, piece_sd=0.25, power=0.45, power_sd=0.05, law_sd=0.03)._asdict()
     times_ps = 6500.0 + 6.7 * np.arange(9)
     with Recording.create(path, header) as recording:
         for k in range(3):
@@ -76,6 +80,7 @@ def _small(path: Path) -> None:
                     last_range_variance_mm2=np.array([np.nan, 0.1]),
                     last_response_mv=np.array([np.nan, 15.0]),
                     range_covariance_mm2=np.array([np.nan, -0.01]),
+                    stretch=np.array([[0.7, 0.01], [np.nan, np.nan]]),
                 )
             )
             recording.event(0.5 + k, "note", state="scanning", words="all well")
@@ -156,11 +161,13 @@ def _change_packed(rng: random.Random, database: sqlite3.Connection) -> None:
 
 
 def _renew_check_sums(database: sqlite3.Connection) -> None:
-    for k, begun, n, sweeps, points, echoes in database.execute(
-        "SELECT line.k, device_time_s, line.n, sweeps, points, coalesce(data, x'') FROM line LEFT JOIN echo USING (k)"
+    more = "coalesce(echo.data, x''), coalesce(stretch.data, x'')"
+    for k, begun, n, sweeps, *blobs in database.execute(
+        f"SELECT line.k, device_time_s, line.n, sweeps, points, {more} FROM line LEFT JOIN echo USING (k)"
+        " LEFT JOIN stretch USING (k)"
     ).fetchall():
         with contextlib.suppress(Exception):
-            database.execute("UPDATE line SET crc32=? WHERE k=?", (line_crc32(k, n, sweeps, begun, points, echoes), k))
+            database.execute("UPDATE line SET crc32=? WHERE k=?", (line_crc32(k, n, sweeps, begun, *blobs), k))
     for k, rows, samples, width, data in database.execute(
         "SELECT k, rows, samples, bytes_per_sum, data FROM wave"
     ).fetchall():

@@ -112,6 +112,7 @@ class Acquisition:
     def header(self, identities: Mapping[str, Identity], *, seed: int | None, scale: CodeScale) -> JsonObject:
         """Get the header of the recording: all that one must know to use or repeat the scan."""
         settings, calibration = self._setup.settings, self._setup.calibration
+        stretch = calibration.stretch_terms(settings.scan.material, self.capture.ranging)
         return {
             "raster": {
                 "plan": self.plan.name,
@@ -128,6 +129,7 @@ class Acquisition:
             "calibration": calibration.content(),
             "calibration_digest": calibration.digest,
             "range_error": calibration.range_error(settings.scan.material, self.capture.ranging)._asdict(),
+            **({} if stretch is None else {"stretch": stretch}),
             "scanner": {name: str(identity) for name, identity in identities.items()},
             "trace": {
                 **settings.sampler.model_dump(include={"start_ps", "step_ps", "samples"}),

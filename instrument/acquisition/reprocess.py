@@ -60,6 +60,9 @@ def reprocess(
         ranging: Ranging = "window" if old.raster.get("mode") == "window" else estimator
         header = _header(old.header, source, used, estimator)
         header["range_error"] = used.range_error(target_of, ranging)._asdict()
+        header.pop("stretch", None)
+        if (stretch := used.stretch_terms(target_of, ranging)) is not None:
+            header["stretch"] = stretch
         header["settings"] = _of_material(old.header.get("settings"), target_of)
         used = used.for_material(target_of, ranging)
         if PLATE in header:

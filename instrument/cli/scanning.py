@@ -16,7 +16,7 @@ from picoradar.instrument.controller import STATE_EVENT, ScanOutcome, Subscripti
 from picoradar.instrument.errors import BadInput, Interrupted
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import ScanLine
-from picoradar.instrument.recording import Cloud, Recording, RecordingError, cloud_of
+from picoradar.instrument.recording import Cloud, Recording, RecordingError, cloud_of, range_error_left
 
 if TYPE_CHECKING:
     from picoradar.instrument.cli.following import Asked, Following
@@ -127,7 +127,7 @@ def _scan_into(run: Session, job: Acquisition, recording: Recording, asked: Aske
         except Exception as error:
             error.add_note(_what_next(len(lines), recording))
             raise
-    cloud = cloud_of(lines, raster=True)
+    cloud = cloud_of(lines, raster=True, stretch=recording.header.get("stretch"))
     result = {"recording": str(recording.path), "lines": len(lines), **describe_scan(run, job, cloud, outcome)}
     result["zero_check"] = zero.check_of(recording.path).to_dict()
     result["wall_s"] = round(time.perf_counter() - began, 3)
@@ -169,7 +169,11 @@ def describe_scan(run: Session, job: Acquisition, cloud: Cloud, outcome: ScanOut
         "step_mm": scan.step_mm,
         "mode": job.mode,
         "averages": scan.averages,
-        "range_error": run.calibration.range_error(scan.material, job.capture.ranging)._asdict(),
+        "range_error": range_error_left(
+            run.calibration.range_error(scan.material, job.capture.ranging)._asdict(),
+            cloud,
+            run.calibration.stretch_terms(scan.material, job.capture.ranging),
+        ),
         "device_time_s": round(outcome.device_time_s, 6),
         "shot_limited_s": job.shots / run.settings.pulser.prf_hz,
         "flags": cloud.flag_counts,

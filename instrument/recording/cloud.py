@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Self
@@ -10,7 +10,19 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from picoradar.instrument.line import LAST_ECHO, NO_RANGE, Flag, LastEcho, ScanLine, beams_to, in_step_of_raster
+from picoradar.instrument.events import JsonObject
+from picoradar.instrument.line import (
+    LAST_ECHO,
+    NO_RANGE,
+    Flag,
+    LastEcho,
+    ScanLine,
+    StretchTerms,
+    Unstretched,
+    beams_to,
+    in_step_of_raster,
+    unstretched,
+)
 
 
 @dataclass(frozen=True)
@@ -31,6 +43,8 @@ class Cloud(LastEcho):
         Position in the raster.
     angles_rad : (N, 2) float array
         Optical angles that the beam was sent to.
+    stretch : (N, 2) float array or None
+        How far light from inside the target stretches each echo, and its variance; NaN or None where it is not known.
     """
 
     points_mm: NDArray[np.float64]
@@ -42,6 +56,7 @@ class Cloud(LastEcho):
     rows: NDArray[np.int32]
     columns: NDArray[np.int32]
     angles_rad: NDArray[np.float64]
+    stretch: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         """Say that no place has a last echo where none was given."""
@@ -77,10 +92,11 @@ class Cloud(LastEcho):
 
     def where(self, chosen: NDArray[np.bool_]) -> Self:
         """Return the points of an (N,) mask."""
-        return type(self)(**{field.name: getattr(self, field.name)[chosen] for field in fields(self)})
+        there = [field.name for field in fields(self) if getattr(self, field.name) is not None]
+        return type(self)(**{name: getattr(self, name)[chosen] for name in there})
 
 
-def cloud_of(lines: Iterable[ScanLine], *, raster: bool = False) -> Cloud:
+def cloud_of(lines: Iterable[ScanLine], *, raster: bool = False, stretch: Mapping[str, float] | None = None) -> Cloud:
     """Join lines to a cloud, in the order of their rows.
 
     Parameters
@@ -88,7 +104,9 @@ def cloud_of(lines: Iterable[ScanLine], *, raster: bool = False) -> Cloud:
     lines : iterable of ScanLine
     raster : bool
         Whether rows and columns are neighbours in space. Then points in a step between two surfaces that only the
-        next line shows are flagged as `Flag.MIXED`, too.
+        next line shows are flagged as `Flag.MIXED`, too, and ranges are corrected for the stretch of their echoes.
+    stretch : mapping, optional
+        Terms of that correction (`StretchTerms`), from the header of the recording.
     """
     found = sorted(lines, key=lambda line: line.index)
 
@@ -106,8 +124,57 @@ def cloud_of(lines: Iterable[ScanLine], *, raster: bool = False) -> Cloud:
         columns=joined("columns", (), np.int32).astype(np.int32),
         angles_rad=joined("angles_rad", (2,), np.float64),
         **{name: joined(name, shape, np.float64) for name, shape in LAST_ECHO.items()},
+        stretch=_stretch(found),
     )
     if not raster:
         return cloud
+    if (correction := _correction(cloud, stretch)) is not None:
+        cloud = _corrected(cloud, correction)
     stepped = in_step_of_raster(cloud.range_mm, cloud.range_variance_mm2, cloud.rows, cloud.columns)
     return replace(cloud, flags=np.where(stepped, cloud.flags | np.uint16(Flag.MIXED), cloud.flags))
+
+
+def range_error_left(known: JsonObject, cloud: Cloud, stretch: Mapping[str, float] | None) -> JsonObject:
+    """Return what is known of the range error that all points of a raster share, with what their echoes tell of it.
+
+    Parameters
+    ----------
+    known : dict
+        Before the scan: material, bias_mm, sd_mm.
+    cloud : Cloud
+    stretch : mapping or None
+        Terms of the correction (`StretchTerms`).
+    """
+    correction = _correction(cloud, stretch)
+    if correction is None:
+        return known
+    seen = {"stretch": correction.stretch, "stretch_sd": correction.stretch_sd}
+    return {**known, "sd_mm": correction.sd_mm, **seen}
+
+
+def _stretch(lines: list[ScanLine]) -> NDArray[np.float64] | None:
+    """Join the stretch of the echoes of lines, of which some know it; None where none does."""
+    if all(line.stretch is None for line in lines):
+        return None
+    return np.concatenate(
+        [np.full((len(line.columns), 2), np.nan) if line.stretch is None else line.stretch for line in lines]
+    )
+
+
+def _correction(cloud: Cloud, stretch: Mapping[str, float] | None) -> Unstretched | None:
+    if stretch is None or cloud.stretch is None:
+        return None
+    share, variance = cloud.stretch.T
+    return unstretched(StretchTerms.of(stretch), share, variance, cloud.rows, cloud.columns)
+
+
+def _corrected(cloud: Cloud, by: Unstretched) -> Cloud:
+    """Move the points along their beams."""
+    along = cloud.beams
+    return replace(
+        cloud,
+        points_mm=cloud.points_mm + by.change_mm[:, None] * along,
+        covariance_mm2=cloud.covariance_mm2 + by.variance_mm2[:, None, None] * along[:, :, None] * along[:, None, :],
+        range_mm=cloud.range_mm + by.change_mm,
+        range_variance_mm2=cloud.range_variance_mm2 + by.variance_mm2,
+    )

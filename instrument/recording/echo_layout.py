@@ -1,4 +1,5 @@
-"""Bytes of the last echoes of a line: an entry for each place with two echoes, none for the others.
+"""Bytes of what a line knows of its echoes beside the points: the last of two, and how far light inside the target
+stretches them.
 
 The layout is part of the file format (docs/recording.md). All numbers are little endian, without padding.
 """
@@ -23,7 +24,7 @@ ECHO = np.dtype(
 """The last echo of one place of a line, whose entry among the points is numbered from 0: 60 bytes."""
 
 FIRST_LAYOUT = 4
-"""Layout of the file from which on it has the table."""
+"""Layout of the file from which on it has the tables."""
 
 
 def echoes_blob(line: ScanLine) -> bytes:
@@ -67,3 +68,31 @@ def echoes_of(blob: bytes, entries: int, count: int) -> dict[str, NDArray[np.flo
         found[name] = np.full((count, *shape), np.nan)
         found[name][places] = table[name]
     return found
+
+
+def stretch_blob(line: ScanLine) -> bytes:
+    """Return stretch and variance of the echoes of a line as N x 16 bytes; none where it does not know them.
+
+    Raises
+    ------
+    ValueError
+        If it is not of as many echoes as the line has columns.
+    """
+    if line.stretch is None:
+        return b""
+    if line.stretch.shape != (len(line.columns), 2):
+        raise ValueError(f"stretch has the shape {line.stretch.shape}, not {(len(line.columns), 2)}")
+    return line.stretch.astype("<f8").tobytes()
+
+
+def stretch_of(blob: bytes, echoes: int, count: int) -> NDArray[np.float64]:
+    """Return the (N, 2) stretch and variance of the N echoes of a line of ``count`` places.
+
+    Raises
+    ------
+    ValueError
+        If it is of another number of echoes.
+    """
+    if echoes != count or len(blob) != 16 * count:
+        raise ValueError(f"{len(blob)} bytes for the stretch of {echoes} echoes, in a line of {count}")
+    return np.frombuffer(blob, dtype="<f8").astype(np.float64).reshape(count, 2)

@@ -19,8 +19,11 @@ from numpy.typing import NDArray
 
 from picoradar.drivers.traces import CodeScale
 from picoradar.instrument.events import JsonObject
+from picoradar.instrument.line import StretchTerms
 from picoradar.instrument.recording.limits import MOST_COLUMNS, MOST_ROWS, MOST_SAMPLES
 
+MOST_TERM = 1000.0  # of the terms of the stretch of echoes: mm and shares, all far below it
+POSITIVE = ("bias_mm", "piece_sd", "power")
 _TRACE = ("start_ps", "step_ps", "samples", "zero_code", "mv_per_code")
 
 
@@ -140,13 +143,15 @@ def checked_header(header: JsonObject) -> JsonObject:
     for name in ("plan", "mode", "estimator", "order"):
         if not isinstance(raster.get(name, ""), str):
             raise ValueError(f"raster.{name} of the header is {raster[name]!r}, not a word")
-    for name in ("settings", "calibration", "scanner", "versions", "trace", "range_error"):
+    for name in ("settings", "calibration", "scanner", "versions", "trace", "range_error", "stretch"):
         if not isinstance(header.get(name), dict | None):
             raise ValueError(f"the header's `{name}` is no JSON object")
     if header.get("trace") is not None:
         _check_trace(header["trace"])
     if header.get("range_error") is not None:
         check_range_error(header["range_error"])
+    if header.get("stretch") is not None:
+        _check_stretch(header["stretch"])
     return header
 
 
@@ -175,6 +180,13 @@ def check_range_error(known: JsonObject) -> None:
     sd_mm = known.get("sd_mm")
     if sd_mm is not None and not (_is_number(sd_mm) and sd_mm >= 0):
         raise ValueError(f"range_error.sd_mm of the header is {sd_mm!r}, neither null nor a number from 0 on")
+
+
+def _check_stretch(known: JsonObject) -> None:
+    for name in StretchTerms._fields:
+        value = known.get(name, -1.0)
+        if not _is_number(value) or not 0 <= value <= MOST_TERM or (name in POSITIVE and not value):
+            raise ValueError(f"stretch.{name} of the header is {value!r}, not a number from 0 to {MOST_TERM:g}")
 
 
 def _is_count(value: object, most: int) -> bool:

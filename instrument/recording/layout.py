@@ -77,13 +77,16 @@ def points_table(blob: bytes) -> NDArray[np.void]:
     return np.frombuffer(blob, dtype=POINT)
 
 
-def line_crc32(index: int, count: int, sweeps: int, device_time_s: float, blob: bytes, echoes: bytes = b"") -> int:
-    """Return the CRC-32 (zlib, polynomial 0x04C11DB7 reflected) over a line's numbers, its points and its last echoes.
+def line_crc32(index: int, count: int, sweeps: int, device_time_s: float, *blobs: bytes) -> int:
+    """Return the CRC-32 (zlib, polynomial 0x04C11DB7 reflected) over a line's numbers and the bytes of its echoes.
 
-    It covers ``index, count, sweeps`` as int64 and ``device_time_s`` as float64, then the two blobs. Of a line without
-    last echoes it is what it was before there were any.
+    It covers ``index, count, sweeps`` as int64 and ``device_time_s`` as float64, then the blobs: points, last echoes,
+    stretch. Of a line without the latter two it is what it was before there were any.
     """
-    return zlib.crc32(echoes, zlib.crc32(blob, zlib.crc32(_HEAD.pack(index, count, sweeps, device_time_s))))
+    crc = zlib.crc32(_HEAD.pack(index, count, sweeps, device_time_s))
+    for blob in blobs:
+        crc = zlib.crc32(blob, crc)
+    return crc
 
 
 def encode_wave(index: int, sums: NDArray[np.unsignedinteger]) -> Wave:

@@ -17,5 +17,7 @@ LARGEST_LINE_BYTES = 125_000_000
 LARGEST_VALUE_BYTES = 150_000_000
 """One value of the database, bytes: a line that compression made no smaller, and some room."""
 
-TABLES = frozenset({"scan", "line", "wave", "window", "zero", "echo", "registration", "spare_header", "event"})
+TABLES = frozenset(
+    {"scan", "line", "wave", "window", "zero", "echo", "stretch", "registration", "spare_header", "event"}
+)
 """All that a recording consists of; a view or a trigger of these names could make values of any size, without end."""

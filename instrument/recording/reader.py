@@ -17,7 +17,7 @@ from picoradar.drivers.errors import DECODER_ERRORS, decoder_words
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import ScanLine, ZeroReading
 from picoradar.instrument.recording import rows, zero_rows
-from picoradar.instrument.recording.cloud import Cloud, cloud_of
+from picoradar.instrument.recording.cloud import Cloud, cloud_of, range_error_left
 from picoradar.instrument.recording.content import FROM_A_COPY, event_of, json_object, refuse_foreign_content
 from picoradar.instrument.recording.errors import READING_ERRORS, SALVAGE, RecordingError, from_sqlite
 from picoradar.instrument.recording.findings import Event, LineCheck
@@ -70,9 +70,10 @@ class Reader:
 
     @property
     def range_error(self) -> JsonObject:
-        """Get material, bias_mm and sd_mm of the range error that all points share; empty: the recording is older."""
+        """Get material, bias_mm, sd_mm of the range error of all points, and their stretch if seen; empty: older."""
         known: JsonObject = self.header.get("range_error") or {}
-        return known
+        stretch = self.header.get("stretch") if self.raster.get("step_mm") is not None else None
+        return known if stretch is None else range_error_left(known, self.cloud(skip_damaged=True), stretch)
 
     @property
     def trace(self) -> JsonObject:
@@ -217,7 +218,7 @@ class Reader:
             At a damaged line, unless they are to be skipped.
         """
         lines = self.lines(traces=False, skip_damaged=skip_damaged)
-        return cloud_of(lines, raster=self.raster.get("step_mm") is not None)
+        return cloud_of(lines, raster=self.raster.get("step_mm") is not None, stretch=self.header.get("stretch"))
 
     def events(self) -> list[Event]:
         """Return what happened, in order."""

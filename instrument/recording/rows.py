@@ -1,4 +1,4 @@
-"""Between a `ScanLine` and its rows in the tables ``line``, ``echo``, ``wave`` and ``window``."""
+"""Between a `ScanLine` and its rows in the tables ``line``, ``echo``, ``stretch``, ``wave`` and ``window``."""
 
 from __future__ import annotations
 
@@ -31,10 +31,12 @@ INSERT_LINE = (
 INSERT_WAVE = "INSERT INTO wave (k, rows, samples, bytes_per_sum, crc32, data) VALUES (?, ?, ?, ?, ?, ?)"
 INSERT_WINDOW = "INSERT INTO window (k, n, samples, bytes_per_sum, crc32, pieces, data) VALUES (?, ?, ?, ?, ?, ?, ?)"
 INSERT_ECHO = "INSERT INTO echo (k, n, data) VALUES (?, ?, ?)"
+INSERT_STRETCH = "INSERT INTO stretch (k, n, data) VALUES (?, ?, ?)"
 _SELECT_LINE = "SELECT k, device_time_s, n, sweeps, crc32, points FROM line WHERE k = ?"
 _SELECT_WAVE = "SELECT rows, samples, bytes_per_sum, crc32, data FROM wave WHERE k = ?"
 _SELECT_WINDOW = "SELECT n, samples, bytes_per_sum, crc32, pieces, data FROM window WHERE k = ?"
 _SELECT_ECHO = "SELECT n, data FROM echo WHERE k = ?"
+_SELECT_STRETCH = "SELECT n, data FROM stretch WHERE k = ?"
 _SELECT_RAW = {1: (_SELECT_WAVE,), **dict.fromkeys((2, 3, 4), (_SELECT_WAVE, _SELECT_WINDOW))}
 """Queries for the raw samples of a line, by the layout of the file."""
 
@@ -62,6 +64,7 @@ class Rows(NamedTuple):
     wave: Row | None
     window: Row | None
     echo: Row | None
+    stretch: Row | None
 
 
 def fetch(connection: sqlite3.Connection, layout: int, index: int, *, raw: bool) -> Rows | None:
@@ -80,21 +83,22 @@ def fetch(connection: sqlite3.Connection, layout: int, index: int, *, raw: bool)
     if line is None:
         return None
     wave, window, *_ = (*(one(query) if raw else None for query in _SELECT_RAW[layout]), None)
-    return Rows(line, wave, window, one(_SELECT_ECHO) if layout >= echo_layout.FIRST_LAYOUT else None)
+    if layout < echo_layout.FIRST_LAYOUT:
+        return Rows(line, wave, window, None, None)
+    return Rows(line, wave, window, one(_SELECT_ECHO), one(_SELECT_STRETCH))
 
 
 def pack(line: ScanLine, acknowledged_at_s: float) -> Rows:
-    """Return the row of ``line``, if there are last echoes of ``echo``, and if raw samples are kept of ``wave`` or
-    ``window``.
+    """Return the row of ``line``, and of each other table that the line has something for.
 
     Raises
     ------
     ValueError
         If the arrays of the line do not fit each other.
     """
-    blob, echoes = points_blob(line), echo_layout.echoes_blob(line)
+    blob, echoes, stretch = points_blob(line), echo_layout.echoes_blob(line), echo_layout.stretch_blob(line)
     count, begun = len(line.columns), float(line.device_time_s)
-    crc = line_crc32(line.index, count, line.sweeps, begun, blob, echoes)
+    crc = line_crc32(line.index, count, line.sweeps, begun, blob, echoes, stretch)
     row = (line.index, begun, float(acknowledged_at_s), count, line.sweeps, crc, blob)
     wave_row = window_row = None
     if line.sums is not None:
@@ -104,7 +108,8 @@ def pack(line: ScanLine, acknowledged_at_s: float) -> Rows:
     if line.windows is not None:
         window_row = (line.index, *astuple(encode_windows(line.index, line.windows)))
     echo_row = (line.index, len(echoes) // echo_layout.ECHO.itemsize, echoes) if echoes else None
-    return Rows(row, wave_row, window_row, echo_row)
+    stretch_row = (line.index, count, stretch) if stretch else None
+    return Rows(row, wave_row, window_row, echo_row, stretch_row)
 
 
 def unpack(rows: Rows, form: TraceForm | None) -> ScanLine:
@@ -123,7 +128,8 @@ def unpack(rows: Rows, form: TraceForm | None) -> ScanLine:
     """
     index, begun, count, sweeps, crc, blob = rows.line
     entries, echoes = (0, b"") if rows.echo is None else rows.echo
-    if line_crc32(index, count, sweeps, begun, blob, echoes) != crc:
+    measured, stretch = (0, b"") if rows.stretch is None else rows.stretch
+    if line_crc32(index, count, sweeps, begun, blob, echoes, stretch) != crc:
         raise ValueError("the check sum of the points does not fit")
     if len(blob) != count * POINT.itemsize:
         raise ValueError(f"{len(blob)} bytes for {count} points of {POINT.itemsize} bytes")
@@ -152,6 +158,7 @@ def unpack(rows: Rows, form: TraceForm | None) -> ScanLine:
         sweeps=sweeps,
         device_time_s=begun,
         windows=windows,
+        stretch=None if rows.stretch is None else echo_layout.stretch_of(stretch, measured, count),
         **echo_layout.echoes_of(echoes, entries, count),
     )
 

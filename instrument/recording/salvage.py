@@ -25,7 +25,7 @@ from picoradar.instrument.recording.registration_rows import (
 )
 from picoradar.instrument.recording.zero_rows import INSERT_ZERO, SELECT_ONE_ZERO
 
-TABLES = ("line", "wave", "window", "echo")
+TABLES = ("line", "wave", "window", "echo", "stretch")
 HEADER_BYTES = 100  # of an SQLite file: page size at 16, pages at 28 (sqlite.org/fileformat.html, section 1.3)
 LARGEST_CUT_BYTES = 10**11  # padding is sparse; more than this is no length but damage
 DISK_FAILED = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_READONLY)

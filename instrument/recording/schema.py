@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 APPLICATION_ID = 0x7069636F  # "pico"
-LAYOUT = 4  # 1 had no table `window`, 2 none `zero`, 3 none `echo`
+LAYOUT = 4  # 1 had no table `window`, 2 none `zero`, 3 neither `echo` nor `stretch`
 WINDOW_TABLE = """
 CREATE TABLE window (
     k INTEGER PRIMARY KEY REFERENCES line(k) ON DELETE CASCADE,
@@ -35,14 +35,19 @@ CREATE TABLE IF NOT EXISTS zero (
     data BLOB NOT NULL
 );
 """
-ECHO_TABLE = """
+ECHO_TABLES = """
 CREATE TABLE IF NOT EXISTS echo (
     k INTEGER PRIMARY KEY REFERENCES line(k) ON DELETE CASCADE,
     n INTEGER NOT NULL,
     data BLOB NOT NULL
 );
+CREATE TABLE IF NOT EXISTS stretch (
+    k INTEGER PRIMARY KEY REFERENCES line(k) ON DELETE CASCADE,
+    n INTEGER NOT NULL,
+    data BLOB NOT NULL
+);
 """
-LATER_TABLES = {1: WINDOW_TABLE + ZERO_TABLE + ECHO_TABLE, 2: ZERO_TABLE + ECHO_TABLE, 3: ECHO_TABLE}
+LATER_TABLES = {1: WINDOW_TABLE + ZERO_TABLE + ECHO_TABLES, 2: ZERO_TABLE + ECHO_TABLES, 3: ECHO_TABLES}
 """What a recording of an earlier layout lacks."""
 SCHEMA = (
     """
@@ -86,5 +91,5 @@ CREATE TABLE spare_header (
 """
     + WINDOW_TABLE
     + ZERO_TABLE
-    + ECHO_TABLE
+    + ECHO_TABLES
 )

@@ -72,6 +72,8 @@ class Writer(Reader):
                 self._connection.execute(rows.INSERT_WINDOW, packed.window)
             if packed.echo is not None:
                 self._connection.execute(rows.INSERT_ECHO, packed.echo)
+            if packed.stretch is not None:
+                self._connection.execute(rows.INSERT_STRETCH, packed.stretch)
         with self._lock:
             try:
                 checkpoint_if_long(self._connection, self.path)

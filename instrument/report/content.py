@@ -134,7 +134,10 @@ def range_error_words(recording: Recording) -> str:
         return "material not stated, nothing taken off"
     if (sd_mm := known.get("sd_mm")) is None:
         return f"{material}, whose range error was never measured with this radar; nothing taken off"
-    return f"{material}, {number(known['bias_mm'], 'mm')}; standard deviation left {number(sd_mm, 'mm')}"
+    words = f"{material}, {number(known['bias_mm'], 'mm')}; standard deviation left {number(sd_mm, 'mm')}"
+    if "stretch" not in known:
+        return words
+    return f"{words}; by the stretch of the echoes, {known['stretch']:.2f} of that of the piece that was measured"
 
 
 def _common(target: Target) -> str:

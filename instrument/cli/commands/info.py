@@ -89,7 +89,7 @@ def describe_recording(scan: Recording) -> dict[str, object]:
         "seed": header.get("seed"),
         "stop_reason": scan.stop_reason,
         "raster": header.get("raster"),
-        "range_error": header.get("range_error"),
+        "range_error": scan.range_error or None,
         "versions": header.get("versions"),
         "scanner": header.get("scanner"),
         "two_echoes": int(scan.cloud(skip_damaged=True).with_range().two_echoes.sum()),
