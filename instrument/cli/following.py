@@ -14,7 +14,7 @@ from picoradar.instrument.cli.session import Session
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import ScanLine
-from picoradar.instrument.recording import Cloud, Recording, digest
+from picoradar.instrument.recording import Cloud, Recording, digest, range_error_left
 from picoradar.registration import Model, Objection, RegistrationError, Tolerance, load_model, register
 from picoradar.registration.live import LiveRegistration, LiveResult, RegisterOptions, tre_mm
 
@@ -113,7 +113,8 @@ class Following:
         described: JsonObject
         with Recording.open(self._recording.path) as recording:
             check, on_s = zero.zero_check_of(recording), _laser_on(recording)
-        options = self._options(zero.objections(check))
+        left = range_error_left(self._range_error, cloud, self._recording.header.get("stretch"))
+        options: RegisterOptions = {**self._options(zero.objections(check)), "range_bias_mm": left["sd_mm"]}
         began = time.perf_counter()
         try:
             result = register(
@@ -140,8 +141,13 @@ class Following:
         return described
 
     def _options(self, objections: Sequence[Objection]) -> RegisterOptions:
-        range_error = self._run.calibration.range_error(self._run.settings.scan.material, self._job.capture.ranging)
-        return {**self._asked.options, "range_bias_mm": range_error.sd_mm, "objections": objections}
+        """Get what lines are registered with, whose ranges are not corrected by the stretch of their echoes."""
+        return {**self._asked.options, "range_bias_mm": self._range_error["sd_mm"], "objections": objections}
+
+    @property
+    def _range_error(self) -> JsonObject:
+        material, ranging = self._run.settings.scan.material, self._job.capture.ranging
+        return self._run.calibration.range_error(material, ranging)._asdict()
 
     def _digests(self) -> JsonObject:
         return {
