@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from scipy.interpolate import PchipInterpolator
 
 PEAK_ROOM_PS = 400.0
+LARGEST = 1e6  # constant of the noise, in ps or the unit of the traces (counts of 16 bit, too): more is no noise
 
 
 class Part(BaseModel):
@@ -94,10 +95,12 @@ class ShotNoise(Part):
     against the laser. Every sample is a shot of its own, so the noise of different samples is independent.
     """
 
-    floor_mv: float = Field(0.0, ge=0, le=100, description="sd between the pulses; 0: not known, see each trace, mV")
-    signal_mv: float = Field(0.0, ge=0, le=10, description="variance for each mV of signal, mV")
+    floor_mv: float = Field(
+        0.0, ge=0, le=LARGEST, description="sd between the pulses, mV; 0: that of each trace"
+    )
+    signal_mv: float = Field(0.0, ge=0, le=LARGEST, description="variance for each mV of signal, mV")
     signal_share: float = Field(0.0, ge=0, le=1, description="sd of the pulse energy, relative")
-    jitter_ps: float = Field(0.0, ge=0, le=1000, description="sd of a sampling instant against the laser, ps")
+    jitter_ps: float = Field(0.0, ge=0, le=LARGEST, description="sd of a sampling instant against the laser, ps")
 
 
 class Templates(Part):

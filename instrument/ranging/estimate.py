@@ -14,6 +14,7 @@ from picoradar.instrument.line import NO_RANGE, Flag
 from picoradar.instrument.ranging.half_maximum import external_reference, half_maximum, join
 from picoradar.instrument.ranging.judging import flag_pulses
 from picoradar.instrument.ranging.overlap import moved_by_tail
+from picoradar.instrument.ranging.padding import with_ends_filled
 from picoradar.instrument.ranging.pair import Last, mark, to_ranges, with_stretch
 from picoradar.instrument.ranging.pulses import coarse_traces, next_pulse
 from picoradar.instrument.ranging.ranges import Ranges
@@ -87,7 +88,7 @@ def estimate(
     """
     limits = settings or RangingSettings()
     times = _check_times(times_ps, limits)
-    records = _records(traces, times.size, sweeps, clipped, reference_ps)
+    records = _records(traces, times.size, limits.fill_samples, sweeps, clipped, reference_ps)
     return _in_blocks(records, _way(records, times, method, calibration, limits, learning))
 
 
@@ -153,11 +154,12 @@ def _in_blocks(records: _Records, way: _Way) -> Ranges:
 def _records(
     traces: FloatArray | Sequence[ArrayLike],
     samples: int,
+    fill_samples: int,
     sweeps: ArrayLike,
     clipped: ArrayLike | None,
     reference_ps: ArrayLike | None,
 ) -> _Records:
-    values, usable = _stack(traces, samples)
+    values, usable = _stack(traces, samples, fill_samples)
     records = len(values)
     try:
         counts = np.broadcast_to(np.asarray(sweeps, dtype=np.float64), (records,))
@@ -222,7 +224,7 @@ def _check_times(times_ps: ArrayLike, limits: RangingSettings) -> FloatArray:
     return times
 
 
-def _stack(traces: FloatArray | Sequence[ArrayLike], samples: int) -> tuple[FloatArray, BoolArray]:
+def _stack(traces: FloatArray | Sequence[ArrayLike], samples: int, fill_samples: int) -> tuple[FloatArray, BoolArray]:
     """Return the traces as (R, samples), zeros where a trace cannot be used, and which can."""
     if isinstance(traces, np.ndarray) and traces.ndim != 2:
         raise BadInput(f"traces must be one row a record, not an array of shape {traces.shape}")
@@ -234,6 +236,7 @@ def _stack(traces: FloatArray | Sequence[ArrayLike], samples: int) -> tuple[Floa
         for value, row in zip(values, rows, strict=True):
             if row.shape == (samples,):
                 value[:] = row
+    values = with_ends_filled(values, fill_samples)
     usable = np.asarray(np.isfinite(values).all(axis=1), dtype=np.bool_)
     return (values if usable.all() else np.where(usable[:, None], values, 0.0)), usable
 

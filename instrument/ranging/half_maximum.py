@@ -26,6 +26,10 @@ LAST_CROSSING = np.array(
 )
 
 
+LEAST_HALF = 3  # samples to either side: a cubic through fewer is no smoother than a straight line between two
+NEWTON_STEPS = 3  # of a cubic that is nearly straight: the third one moves it by 1e-6 of a step
+
+
 @dataclass(frozen=True)
 class Edges:
     """Time-significant point and amplitude of one pulse in each of R records; NaN where there is no crossing.
@@ -99,6 +103,10 @@ def half_maximum(
     found = pulses.found & (height > 0)
     low, share, crossed = _crossing(traces_mv, centre, level, found, round(settings.edge_reach_ps / step_ps))
     slope = _slope(traces_mv, low, step_ps, settings.slope_half_width_ps / step_ps)
+    own_share = (1 - share) ** 2 + share**2  # of a sample's variance, that the crossing has
+    half = round(settings.crossing_half_width_ps / step_ps)
+    if smooth := half >= LEAST_HALF:
+        share, own_share = _smooth_crossing(traces_mv, low, share, level, half)
     crossed &= slope > 0
     slope = np.where(crossed, slope, np.nan)
 
@@ -109,8 +117,8 @@ def half_maximum(
     height_variance = shape * variance(height, 0.0)
     sample_variance = variance(height / 2, slope)
     with np.errstate(divide="ignore"):  # a trace without noise has one crossing
-        crowded = np.interp(slope * step_ps / np.sqrt(sample_variance), *LAST_CROSSING)
-    edge_variance = crowded * ((1 - share) ** 2 + share**2) * sample_variance
+        crowded = 1.0 if smooth else np.interp(slope * step_ps / np.sqrt(sample_variance), *LAST_CROSSING)
+    edge_variance = crowded * own_share * sample_variance
     return Edges(
         time_ps=np.where(crossed, times_ps[low] + share * step_ps, np.nan),
         time_variance_ps2=(edge_variance + height_variance / 4) / slope**2,
@@ -183,3 +191,28 @@ def _slope(traces_mv: FloatArray, low: NDArray[np.int64], step_ps: float, half_w
     centre = np.clip(low, half, samples - half - 1)
     values = np.take_along_axis(traces_mv, centre[:, None] + offset, axis=1)
     return np.asarray(values @ solve / (half * step_ps), dtype=np.float64)
+
+
+def _smooth_crossing(
+    traces_mv: FloatArray, low: NDArray[np.int64], share: FloatArray, level_mv: FloatArray, half: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return the crossings of a cubic through ``half`` samples to either side, in steps after the sample ``low``, and
+    their variances for unit noise and unit slope.
+
+    It is looked for by Newton steps from the crossing of the straight line, within a step of which it stays.
+    """
+    samples = traces_mv.shape[1]
+    half = min(half, (samples - 1) // 2)
+    offset = np.arange(-half, half + 1)
+    solve = np.linalg.pinv(np.vander(offset, 4, increasing=True).astype(np.float64))
+    centre = np.clip(low, half, samples - half - 1)
+    cubic = np.take_along_axis(traces_mv, centre[:, None] + offset, axis=1) @ solve.T
+    begin = np.nan_to_num(low + share - centre)
+    at = begin
+    for _ in range(NEWTON_STEPS):
+        powers = np.vander(at, 4, increasing=True)
+        rate = np.einsum("rk,rk->r", cubic[:, 1:] * [1.0, 2.0, 3.0], powers[:, :3])
+        off = level_mv - np.einsum("rk,rk->r", cubic, powers)
+        at = begin + np.clip(at - begin + np.divide(off, rate, out=np.zeros_like(off), where=rate > 0), -1.0, 1.0)
+    powers = np.vander(at, 4, increasing=True)
+    return at + centre - low, np.einsum("ri,ij,rj->r", powers, solve @ solve.T, powers)

@@ -122,7 +122,8 @@ def to_ranges(
             "covariance_mm2": np.where(none, np.nan, together),
         }
     with np.errstate(invalid="ignore"):
-        mark(flags, Flag.LOW_RESPONSE, ~none & (response < limits.low_response_mv))
+        weak = (response < limits.low_response_mv) | (pair.echo_variance_ps2 > limits.low_response_sd_ps**2)
+        mark(flags, Flag.LOW_RESPONSE, ~none & weak)
     mark(flags, Flag.WALK_EXTRAPOLATED, ~none & ~inside)
     return Ranges(
         range_mm=np.where(none, np.nan, distance),

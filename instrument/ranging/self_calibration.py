@@ -11,6 +11,7 @@ from picoradar.instrument.calibration import ShotNoise, Templates
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.ranging.half_maximum import half_maximum
 from picoradar.instrument.ranging.learning import fit_noise, smoothing_window
+from picoradar.instrument.ranging.padding import with_ends_filled
 from picoradar.instrument.ranging.pulses import coarse_traces, next_pulse
 from picoradar.instrument.ranging.settings import LearningSettings, RangingSettings
 
@@ -55,16 +56,20 @@ def self_calibrate(
     second = first if single else next_pulse(coarse, settings, first)
     edges = [half_maximum(traces, times_ps, coarse, p, ShotNoise(), sweeps[chosen], settings) for p in (first, second)]
     interval = edges[1].time_ps - edges[0].time_ps
-    clear = np.isfinite(interval) & (traces.max(axis=1) <= settings.clip_mv[1])
+    clear = np.isfinite(interval)
     for pulse, widest in ((first, settings.widest_reference_ps), (second, settings.widest_ps)):
         width = pulse.fwhm_ps(coarse)
         clear &= np.isfinite(width) & (np.nan_to_num(width) > settings.narrowest_ps)
         clear &= np.nan_to_num(width, nan=np.inf) < widest
-    if not clear.any() or step_ps > own.coarsest_ps:
+    # The shapes of clipped pulses are of use where there are no others: such ranges are flagged.
+    if (clear & (unclipped := traces.max(axis=1) <= settings.clip_mv[1])).any():
+        clear &= unclipped
+    room = own.peak_room_ps + step_ps
+    if not single:  # an echo in the tail of the reference shows the shape of neither
+        clear &= np.nan_to_num(interval) + own.from_ps >= room
+    if not clear.any() or step_ps > own.coarsest_ps or own.to_ps < room:
         return None
     reach = own.to_ps if single else min(own.to_ps, float(interval[clear].min()) + own.from_ps)
-    if reach < own.peak_room_ps + step_ps:
-        return None
     lifted = traces - coarse.baseline_mv[:, None]
     height, response = edges[0].height_mv, edges[1].height_mv
     rung = np.floor(np.log(np.where(clear, response, 1.0)) / own.rung_log)
@@ -77,6 +82,9 @@ def self_calibrate(
         response_mv=tuple(float(response[some].mean()) for some in rungs),
         echoes=tuple(_shape(lifted[some], times_ps, edges[1].time_ps[some], reach, own) for some in rungs),
     )
+    if own.min_smooth_samples * step_ps > own.smooth_ps + step_ps:  # smoothing would take the pulse for noise
+        floor = np.sqrt(np.median(coarse.noise_mv[clear] ** 2 * sweeps[chosen][clear]))
+        return templates, ShotNoise(floor_mv=max(float(floor), own.min_floor_mv))
     return templates, _noise(lifted[clear], step_ps, sweeps[chosen][clear], own)
 
 
@@ -116,11 +124,13 @@ def learn_moving(
         raise BadInput(
             f"traces of shape {values.shape} do not fit {times.shape} sampling instants; give one row a record"
         )
+    limits = settings or RangingSettings()
+    values = with_ends_filled(values, limits.fill_samples)
     finite = np.isfinite(values).all(axis=1)
     if not finite.any():
         raise BadInput("no training record is finite; give traces without NaN")
     counts = np.broadcast_to(np.asarray(sweeps, dtype=np.float64), (len(values),))[finite]
-    found = self_calibrate(values[finite], times, settings or RangingSettings(), counts, learning, single=single)
+    found = self_calibrate(values[finite], times, limits, counts, learning, single=single)
     if found is None:
         pulses = "a clear echo" if single else "a clear reference and echo that stand apart"
         raise BadInput(

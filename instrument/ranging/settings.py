@@ -7,6 +7,7 @@ docs/ranging.md has its table. "Receiver" is the dissertation's: rise 210 ps, fu
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Self
 
@@ -25,6 +26,9 @@ class RangingSettings(NoticingSettings):
     ----------
     min_samples, min_window_samples : int
         Fewer samples of a trace or window hold no pulse; three unknowns need a few samples on each side of an edge.
+    fill_samples : int
+        A trace whose end is NaN, because it is shorter than others, is filled with so many of its first samples, over
+        and over; 0: a trace with NaN is not ranged.
     max_step_deviation : float
         By how much of its mean a sampling step may differ; rounding of instants to 0.001 ps stays far below.
     detection_sigmas : float
@@ -47,14 +51,18 @@ class RangingSettings(NoticingSettings):
         For so long (ps) after a pulse's peak, whatever is below that share of it is its own ringing.
     touching_share : float
         Pulses overlap when the trace does not fall below that share of the second one between them.
-    low_response_mv : float
-        Echoes below (mV) are flagged: there the walk is several mm (dissertation, figure 2.15).
+    low_response_mv, low_response_sd_ps : float
+        Echoes below (mV) are flagged: there the walk is several mm (dissertation, figure 2.15). And those whose instant
+        has a greater standard deviation (ps): none here, where every range states its own.
     clip_mv : (float, float)
         A mean outside (mV) is clipped. Codes 1 and 254 of the reference device: a mean beyond the last whole code
         must have an end code (0 or 255) in its sum (protocol sheet ``sampling_bridge``).
     peak_half_width_ps, slope_half_width_ps : float
         Of the parabola through the peak, and of the cubic about the crossing, for the slope (ps); the slope of a line
         would be 3 % too small.
+    crossing_half_width_ps : float
+        Of the cubic (ps) whose crossing replaces that of the straight line between two samples; 0: the dissertation's
+        straight line.
     piece_lead_ps, piece_trail_ps : float
         Piece about the 50 % point that is fitted (ps): from the foot to behind the fall.
     max_steps, settled_ps : int, float
@@ -92,6 +100,7 @@ class RangingSettings(NoticingSettings):
 
     min_samples: int = 64
     min_window_samples: int = 12
+    fill_samples: int = 0
     max_step_deviation: float = 1e-3
     detection_sigmas: float = 6.0
     min_response_mv: float = 2.0
@@ -107,8 +116,10 @@ class RangingSettings(NoticingSettings):
     ringing_share: float = 0.15
     touching_share: float = 0.075
     low_response_mv: float = 15.0
+    low_response_sd_ps: float = math.inf
     clip_mv: tuple[float, float] = (-15.5, 111.0)
     peak_half_width_ps: float = 80.0
+    crossing_half_width_ps: float = 0.0
     slope_half_width_ps: float = 80.0
     piece_lead_ps: float = 250.0
     piece_trail_ps: float = 900.0
@@ -152,7 +163,11 @@ class RangingSettings(NoticingSettings):
             widest_reference_ps=2.5 * fwhm,
             edge_reach_ps=4 * fwhm,
             piece_lead_ps=0.8 * fwhm,
-            piece_trail_ps=0.7 * fwhm,  # the edge and the peak: the fall of echoes differs from slope to slope
+            # The edge and the peak, and a sample behind it: the fall of echoes differs from slope to slope.
+            piece_trail_ps=max(0.7 * fwhm, 3 * step),
+            fill_samples=5,
+            crossing_half_width_ps=0.4 * pulse.rise_ps_or_usual,
+            low_response_sd_ps=0.15 * step,  # 0.6 of a step is then four of them
             table_reach_ps=2 * fwhm + 2 * step,
             max_outliers=0,  # of some ten samples in a piece none can be spared
             clip_mv=(pulse.full_scale[0] + pulse.code / 2, pulse.full_scale[1] - pulse.code / 2),
@@ -218,7 +233,7 @@ class LearningSettings:
             cls(),
             pulse,
             smooth_ps=rise / 2,
-            coarsest_ps=0.6 * rise,  # the records' different places between two samples show the rest
+            coarsest_ps=pulse.fwhm_ps / 2,  # the records' different places between two samples show the rest
             from_ps=-1.2 * pulse.fwhm_ps,
             shape_step_ps=cls.shape_step_ps,  # the calibration file's limit
         )
