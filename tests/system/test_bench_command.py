@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from picoradar.instrument.cli.main import run as command
+from picoradar.instrument.procedures import PROCEDURES
 from picoradar.instrument.procedures.gray_target import procedure as gray_target
 
 
@@ -23,6 +24,12 @@ def test_the_command_refuses_unknown_names_and_folders_that_exist(
     assert command(["bench", "scanner", "--out", str(tmp_path)]) == 2
     assert command(["bench", "scanner", "--out", str(tmp_path / "x"), "--date", "yesterday"]) == 2
     assert not (tmp_path / "x").exists()
+
+
+def test_the_help_names_every_procedure(capsys: pytest.CaptureFixture[str]) -> None:
+    assert command(["bench", "--help"]) == 0
+    shown = capsys.readouterr().out.split("Procedures:")[1]
+    assert all(name in shown for name in PROCEDURES)
 
 
 def test_ctrl_c_ends_a_procedure_safely(tmp_path: Path) -> None:
