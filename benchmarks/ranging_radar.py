@@ -18,27 +18,37 @@ from picoradar.sim.validation import SWEEPS, TIMES_PS, Bench, painted
 FloatArray = NDArray[np.float64]
 
 DISTANCE_MM = 1000.0
+CARDS_MM = 900.0  # where gray cards stand: at 1 m speckle keeps some white ones below 68 mV
 CALIBRATED_MV = np.geomspace(10.0, 68.0, 12)
 
 
-def readings(bench: Bench, count: int, sweeps: int) -> tuple[FloatArray, FloatArray]:
-    """Return traces (R, S) mV and true ranges (R,) mm."""
+def readings(bench: Bench, count: int, sweeps: int, *, after: int = 0) -> tuple[FloatArray, FloatArray]:
+    """Return traces (R, S) mV and true ranges (R,) mm, of records that come after so many others."""
+    bench.skip(after)
     taken = [bench.take(sweeps=sweeps) for _ in range(count)]
     return np.stack([trace for trace, _ in taken]), np.array([truth.range_mm for _, truth in taken])
 
 
 @lru_cache(maxsize=1)
-def calibrate(seed: int, count: int = 200) -> Calibration:
-    """Do the bench procedure: 12 gray levels, 8 sweeps a reading."""
-    benches = [
-        painted(seed + k, level, target="plate", distance_mm=DISTANCE_MM) for k, level in enumerate(CALIBRATED_MV)
-    ]
-    series = [readings(bench, count, SWEEPS) for bench in benches]
+def training(seed: int, count: int, world: str = "dissertation") -> list[tuple[FloatArray, FloatArray]]:
+    """Take readings of 12 gray levels before one radar, 8 sweeps each: traces and true ranges of each level.
+
+    One seed, for what is the radar's own, as the phase of its pick-up, goes with the seed.
+    """
+    changes = {"target": "plate", "distance_mm": CARDS_MM, "world": world}
+    levels = [painted(seed, mv, **changes) for mv in CALIBRATED_MV]
+    return [readings(bench, count, SWEEPS, after=k * count) for k, bench in enumerate(levels)]
+
+
+@lru_cache(maxsize=1)
+def calibrate(seed: int, count: int = 200, world: str = "dissertation") -> Calibration:
+    """Do the bench procedure on 12 gray levels."""
+    series = training(seed, count, world)
     templates, noise = learn([traces for traces, _ in series], TIMES_PS, sweeps=SWEEPS)
     bare = Calibration(
         date=datetime.datetime.now(datetime.UTC),
         provenance="benchmarks/ranging.py",
-        mirror_separation_mm=benches[0].settings.mirror_separation_mm,
+        mirror_separation_mm=SimulationSettings().mirror_separation_mm,
         templates=templates,
         noise=noise,
     )

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import ranging_sensitivity_worlds as worlds
 
 from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.line import NO_RANGE, Flag
@@ -34,6 +35,7 @@ from picoradar.instrument.ranging import (
     learn,
 )
 from picoradar.instrument.ranging.self_calibration import self_calibrate
+from picoradar.instrument.ranging.settings import NoticingSettings
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "instrument"))
 from conftest import HALF_LIGHT, SyntheticReceiver
@@ -53,6 +55,7 @@ class Outcome:
     flagged: float
     rms_mm: float
     other: tuple[float, ...] = ()
+    labels: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, found: list[tuple[Ranges, float]], *other: float, from_mean: bool = False) -> Outcome:
@@ -81,8 +84,8 @@ class Outcome:
             if not np.isclose(getattr(self, name), getattr(before, name), rtol=FLAT, atol=0.0, equal_nan=True)
         ]
         parts += [
-            f"{a:.4g} -> {b:.4g}"
-            for a, b in zip(before.other, self.other, strict=True)
+            f"{label} {a:.4g} -> {b:.4g}".lstrip()
+            for a, b, label in zip(before.other, self.other, self.labels or [""] * len(self.other), strict=True)
             if not np.isclose(a, b, rtol=FLAT, atol=0.0)
         ]
         return ", ".join(parts) or ("" if str(self) == str(before) else "below 1 %")
@@ -182,6 +185,14 @@ def everything(settings: RangingSettings) -> dict[str, Outcome]:
     }
 
 
+def noticed(settings: RangingSettings) -> dict[str, Outcome]:
+    return {world: Outcome(*worlds.noticed(world, settings), worlds.LABELS) for world in worlds.WORLDS}
+
+
+def foreign(settings: RangingSettings) -> dict[str, Outcome]:
+    return {"1 ns bins": Outcome(*worlds.foreign(settings))}
+
+
 def learnt(settings: LearningSettings) -> dict[str, Outcome]:
     templates, noise = learn(series(), TIMES, sweeps=8, learning=settings)
     using = calibration().model_copy(update={"templates": templates, "noise": noise})
@@ -234,7 +245,7 @@ def planned(settings: PlanSettings) -> dict[str, Outcome]:
     first = sum(place.shots(settings.settle_shots) for place in planner.line())
     echo = RECEIVER.reference_ps + 4120.0 + 25.0 * np.arange(20)
     state = {"echo_ps": echo, "echo_before_ps": echo - 20.0, "reference_ps": (RECEIVER.reference_ps + 160.0, 20.0)}
-    planner.recall({**state, "response_mv": np.where(np.arange(20) == 7, 2.5, 30.0)})
+    planner.load_state({**state, "response_mv": np.where(np.arange(20) == 7, 2.5, 30.0)})
     places = planner.line()
     second = sum(place.shots(settings.settle_shots) for place in places)
     watched = planner.monitor(float(echo[0]), 30.0).shots(settings.settle_shots)
@@ -245,12 +256,15 @@ def planned(settings: PlanSettings) -> dict[str, Outcome]:
     return {"plan": Outcome(1.0, 0.0, 0.0, (float(first), float(second), float(watched), again))}
 
 
-ROOMS: tuple[tuple[Any, Any], ...] = (
-    (RangingSettings(), everything),
-    (LearningSettings(), learnt),
-    (WalkSettings(), walked),
-    (AveragingSettings(), averaged),
-    (PlanSettings(), planned),
+NOTICING = tuple(field.name for field in fields(NoticingSettings))
+ROOMS: tuple[tuple[Any, Any, tuple[str, ...]], ...] = (  # settings, what is done with them, thresholds (none: the rest)
+    (RangingSettings.for_pulse(worlds.OTHER), foreign, worlds.FOREIGN),
+    (RangingSettings(), noticed, NOTICING),
+    (RangingSettings(), everything, ()),
+    (LearningSettings(), learnt, ()),
+    (WalkSettings(), walked, ()),
+    (AveragingSettings(), averaged, ()),
+    (PlanSettings(), planned, ()),
 )
 
 
@@ -266,12 +280,14 @@ def scaled(value: Any, factor: float) -> Any:
 def sensitivity(only: str | None = None) -> None:
     """Print, for each threshold, what halving and doubling changes."""
     print("threshold | value | half of it | twice\n---|---|---|---")
-    for settings, run in ROOMS:
-        before = run(settings)
+    for settings, run, names in ROOMS:
+        before: dict[str, Outcome] = {}
         for field in fields(settings):
             value = getattr(settings, field.name)
-            if isinstance(value, bool) or (only and only not in field.name):
+            here = field.name in names if names else field.name not in worlds.FOREIGN + NOTICING
+            if isinstance(value, bool) or (only and only not in field.name) or not here:
                 continue
+            before = before or run(settings)
             cells = []
             for factor in (0.5, 2.0):
                 try:

@@ -95,9 +95,7 @@ class ShotNoise(Part):
     against the laser. Every sample is a shot of its own, so the noise of different samples is independent.
     """
 
-    floor_mv: float = Field(
-        0.0, ge=0, le=LARGEST, description="sd between the pulses, mV; 0: that of each trace"
-    )
+    floor_mv: float = Field(0.0, ge=0, le=LARGEST, description="sd between the pulses, mV; 0: that of each trace")
     signal_mv: float = Field(0.0, ge=0, le=LARGEST, description="variance for each mV of signal, mV")
     signal_share: float = Field(0.0, ge=0, le=1, description="sd of the pulse energy, relative")
     jitter_ps: float = Field(0.0, ge=0, le=LARGEST, description="sd of a sampling instant against the laser, ps")
