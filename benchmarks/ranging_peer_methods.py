@@ -34,13 +34,15 @@ class Form(NamedTuple):
 
 
 class Instants(NamedTuple):
-    """Instants (samples) of reference and echo, height of the echo (mV), and variance of the interval (samples^2), NaN
-    where a method states none."""
+    """Instants (samples) of reference and echo, height of the echo (mV), variances of the interval (samples^2) and the
+    height (mV^2), and their covariance; NaN where a method states none."""
 
     reference: float
     echo: float
     height_mv: float
     variance: float = float("nan")
+    height_variance: float = float("nan")
+    covariance: float = float("nan")
 
 
 Peer = Callable[[FloatArray, Form], Instants]
@@ -160,15 +162,15 @@ def _fitted(
     """Fit a model of each pulse whose first unknowns are place and height; the covariance is that of `curve_fit`."""
     smoothed = smooth(trace)
     raw = trace - np.median(trace)
-    places, variance, height = [], 0.0, 0.0
+    places, variance = [], 0.0
     for peak in find_pulses(smoothed):
         first, values = piece(raw, peak, lead, trail)
         at = np.arange(values.size, dtype=np.float64)
         start = (float(peak - first), float(smoothed[peak]), *guess)
         found, covariance = curve_fit(model, at, values, p0=start)
         places.append(first + found[0])
-        variance, height = variance + covariance[0, 0], float(found[1])
-    return Instants(places[0], places[1], height, float(variance))
+        variance += covariance[0, 0]
+    return Instants(places[0], places[1], float(found[1]), float(variance), *map(float, covariance[1, [1, 0]]))
 
 
 def gaussian_fit(trace: FloatArray, _: Form) -> Instants:

@@ -33,9 +33,9 @@ DISTURBED: tuple[tuple[float, dict[str, float]], ...] = (
     (40.0, {"carrier_transit_ps": 730.0}),
     (40.0, {"ambient_degc": 21.5}),
 )
-SECOND_MM = (8.0, 20.0, 60.0)
+SECOND_MM = (8.0, 13.0, 20.0, 60.0)
 SECOND_SHARE = 4  # one in so many records has one
-LEVELS = ((22.0, 1.0), (45.0, 1 / 3))  # response of the first echo (mV), and the last one over it
+LEVELS = ((15.0, 1.0), (22.0, 1.0), (45.0, 1 / 3))  # response of the first echo (mV), and the last one over it
 
 
 class Group(NamedTuple):

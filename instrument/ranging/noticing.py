@@ -24,9 +24,8 @@ class Noticed(NamedTuple):
     """Fits of R records with the covariance that their residuals ask for; where there is a second pulse (R,); and where
     the pulse has another shape (R,).
 
-    ``poor`` (R,) are the fits of one pulse that leave more than noise does, whether or not all records do, or in which
-    a second pulse stands out so far that it may be told apart. ``stretched`` is the stretch of echoes, if it was asked
-    for."""
+    ``poor`` (R,) are the fits of one pulse that leave more than noise does, whether or not all records do.
+    ``stretched`` is the stretch of echoes, if it was asked for."""
 
     fit: PulseFit
     second: BoolArray
@@ -132,8 +131,7 @@ def _with_second_pulse(judged: Noticed, plain: PulseFit, noise: ResidualNoise, s
     second = ((near > settings.near_sigmas) | (far > settings.far_sigmas)) & (
         most**2 > settings.explained_share * excess
     )
-    clear = second & (most > settings.clear_sigmas)
-    return judged._replace(second=second, distorted=judged.distorted & ~second, poor=judged.poor | clear)
+    return judged._replace(second=second, distorted=judged.distorted & ~second)
 
 
 def _with_stretch(judged: Noticed, found: Stretched | None, noise: ResidualNoise) -> Noticed:

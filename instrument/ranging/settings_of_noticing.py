@@ -23,9 +23,9 @@ class NoticingSettings:
     probes_ps, near_probes, probe_grid_ps : (floats), int, float
         A second pulse (`second_pulse`) is looked for at these distances (ps); so many of them are too near to be told
         apart; pulses are placed on a grid of so much (ps).
-    near_sigmas, far_sigmas, clear_sigmas, explained_share : float, float, float, float
-        It is believed from so many standard deviations on, if it explains so much of what is unusual. 2.7: 4 of 1000
-        single echoes are called mixed. From the third on two pulses are fitted.
+    near_sigmas, far_sigmas, explained_share : float, float, float
+        It is believed from so many standard deviations on, if it explains so much of what is unusual; two pulses are
+        fitted then. 2.7: 4 of 1000 single echoes are called mixed.
     start_offsets_ps, start_apart_ps, two_pulse_steps, apart_sigmas : (floats), float, int, float
         Places about the single pulse (ps) where two are looked for, least distance (ps) of the two, Gauss-Newton steps
         of their fit, and standard deviations by which they must lie apart to be two ranges.
@@ -54,7 +54,6 @@ class NoticingSettings:
     probe_grid_ps: float = 10.0
     near_sigmas: float = 2.7
     far_sigmas: float = 4.0
-    clear_sigmas: float = 6.0
     explained_share: float = 0.5
     start_offsets_ps: tuple[float, ...] = (40.0, 80.0, 130.0, 200.0, 300.0, 420.0, 560.0, 700.0, 850.0)
     start_apart_ps: float = 60.0
