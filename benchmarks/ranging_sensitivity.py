@@ -193,6 +193,10 @@ def foreign(settings: RangingSettings) -> dict[str, Outcome]:
     return {"1 ns bins": Outcome(*worlds.foreign(settings))}
 
 
+def learnt_elsewhere(learning: LearningSettings) -> dict[str, Outcome]:
+    return {"1 ns bins": Outcome(*worlds.learnt(learning))}
+
+
 def learnt(settings: LearningSettings) -> dict[str, Outcome]:
     templates, noise = learn(series(), TIMES, sweeps=8, learning=settings)
     using = calibration().model_copy(update={"templates": templates, "noise": noise})
@@ -240,30 +244,40 @@ def averaged(settings: AveragingSettings) -> dict[str, Outcome]:
 
 
 def planned(settings: PlanSettings) -> dict[str, Outcome]:
-    """Shots of a line, of the next one, of a monitored point; and which of its columns are taken again."""
+    """Shots of a line, of the next one, of a monitored point, of the zero mark, and of the line after a noisy one; and
+    how many columns are taken again, also of the noisy one."""
     planner = WindowPlanner(calibration(), 20, settings)
-    first = sum(place.shots(settings.settle_shots) for place in planner.line())
+
+    def shots() -> float:
+        return float(sum(place.shots(settings.settle_shots) for place in planner.line()))
+
+    first = shots()
     echo = RECEIVER.reference_ps + 4120.0 + 25.0 * np.arange(20)
     state = {"echo_ps": echo, "echo_before_ps": echo - 20.0, "reference_ps": (RECEIVER.reference_ps + 160.0, 20.0)}
     planner.load_state({**state, "response_mv": np.where(np.arange(20) == 7, 2.5, 30.0)})
-    places = planner.line()
-    second = sum(place.shots(settings.settle_shots) for place in places)
+    places, second = planner.line(), shots()
     watched = planner.monitor(float(echo[0]), 30.0).shots(settings.settle_shots)
+    mark = planner.mark(750.0).shots(settings.settle_shots)
     blank = np.zeros(20)
     response = np.where(np.arange(20) == 12, 18.0, 30.0)
     seen = Ranges(blank, blank, response, np.zeros(20, np.uint16), blank, blank, blank, echo)
     again = float(len(planner.lost(places, seen)))
-    return {"plan": Outcome(1.0, 0.0, 0.0, (float(first), float(second), float(watched), again))}
+    unsure = float(len(planner.lost(places, replace(seen, variance_mm2=np.linspace(0.1, 1.3, 20) ** 2))))
+    figures = (first, second, float(watched), float(mark), again, unsure, shots())
+    return {"plan": Outcome(1.0, 0.0, 0.0, figures, PLANNED)}
 
 
+PLANNED = ("first line", "next line", "monitored", "mark", "again", "again of a noisy line", "line after it")
 NOTICING = tuple(field.name for field in fields(NoticingSettings))
 ROOMS: tuple[tuple[Any, Any, tuple[str, ...]], ...] = (  # settings, what is done with them, thresholds (none: the rest)
     (RangingSettings.for_pulse(worlds.OTHER), foreign, worlds.FOREIGN),
     (RangingSettings(), noticed, NOTICING),
     (RangingSettings(), everything, ()),
+    (LearningSettings.for_pulse(worlds.NARROW), learnt_elsewhere, ("peak_room_ps", "shape_step_ps", "coarsest_ps")),
     (LearningSettings(), learnt, ()),
     (WalkSettings(), walked, ()),
     (AveragingSettings(), averaged, ()),
+    (PlanSettings(free_shots=96), planned, ("free_shots",)),
     (PlanSettings(), planned, ()),
 )
 
@@ -282,9 +296,10 @@ def sensitivity(only: str | None = None) -> None:
     print("threshold | value | half of it | twice\n---|---|---|---")
     for settings, run, names in ROOMS:
         before: dict[str, Outcome] = {}
+        elsewhere = [name for other, _, of in ROOMS if type(other) is type(settings) for name in of]
         for field in fields(settings):
             value = getattr(settings, field.name)
-            here = field.name in names if names else field.name not in worlds.FOREIGN + NOTICING
+            here = field.name in names if names else field.name not in elsewhere
             if isinstance(value, bool) or (only and only not in field.name) or not here:
                 continue
             before = before or run(settings)

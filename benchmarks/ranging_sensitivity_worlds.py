@@ -35,7 +35,7 @@ DISTURBED: tuple[tuple[float, dict[str, float]], ...] = (
 )
 SECOND_MM = (8.0, 13.0, 20.0, 60.0)
 SECOND_SHARE = 4  # one in so many records has one
-LEVELS = ((15.0, 1.0), (22.0, 1.0), (45.0, 1 / 3))  # response of the first echo (mV), and the last one over it
+LEVELS = ((10.0, 1.0), (22.0, 1.0), (45.0, 1 / 3))  # response of the first echo (mV), and the last one over it
 
 
 class Group(NamedTuple):
@@ -99,7 +99,7 @@ def noticed(world: str, settings: RangingSettings) -> Figures:
     clean = (flag == 0) & np.isfinite(off) & ~two
     resolved = np.isfinite(of_last)
     other = (
-        np.mean((off**2 / variance)[clean]),
+        np.mean((off**2 / variance)[clean]) if clean.any() else np.nan,
         np.mean(flag[ours] != 0),
         np.mean(flag[two] != 0),
         np.mean(resolved[two]),
@@ -128,4 +128,23 @@ def foreign(settings: RangingSettings) -> Figures:
     traces, times_ps, true_ps = foreign_traces()
     learning = LearningSettings.for_pulse(OTHER)
     score = Score.of(estimate(traces, times_ps, method="half-maximum", settings=settings, learning=learning), true_ps)
+    return Figures(score.ranged, score.flagged, score.sd_ns, (float(score.far), float(score.unflagged)))
+
+
+NARROW = OtherPulse(fwhm_ps=3000.0, step_ps=1000.0, full_scale=PLAIN.full_scale)
+
+
+@cache
+def narrow_traces() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Pulses of three samples; the first record has an echo in the tail of its reference."""
+    given = airborne(Forest(fwhm_ns=3.0, length_ns=90, lowest=30.0, further=0.0), PLAIN, 200, SEED)
+    given.traces[0] = np.maximum(given.traces[0], np.roll(given.traces[0], 6))
+    return given.traces, given.times_ps, given.true_ps
+
+
+def learnt(learning: LearningSettings) -> Figures:
+    """Return the same of templates that are learnt from the records themselves."""
+    traces, times_ps, true_ps = narrow_traces()
+    settings = RangingSettings.for_pulse(NARROW)
+    score = Score.of(estimate(traces, times_ps, settings=settings, learning=learning), true_ps)
     return Figures(score.ranged, score.flagged, score.sd_ns, (float(score.far), float(score.unflagged)))
