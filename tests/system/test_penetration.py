@@ -138,7 +138,9 @@ def test_what_is_scanned_as_bone_is_ranged_so_and_the_recording_says_it(
         assert one.header["calibration_digest"] == other.header["calibration_digest"]
     # Windows lie where the surface is expected, as many as the noise asks for: other samples, with their own noise.
     np.testing.assert_allclose(off[np.isfinite(off)], known["bias_mm"], atol=1e-9 if mode == "sweep" else 5 * sd_mm)
-    assert np.nanmean(off) == pytest.approx(known["bias_mm"], abs=4 * sd_mm / np.sqrt(off.size))
+    # Tissue that nobody has named passes for another shape, which is looked for line by line: lines err as a whole.
+    of_one = np.nanmean(off.reshape(6, 8), axis=1)
+    assert of_one.mean() == pytest.approx(known["bias_mm"], abs=max(1e-9, 4 * np.std(of_one, ddof=1) / np.sqrt(6)))
     assert known["bias_mm"] > 2.0
 
     # ranged again: as it was, as bone, and as what nobody has measured
@@ -181,7 +183,9 @@ def test_the_budget_of_a_recording_reaches_targets_and_verdict(call: Callable[..
     sd_mm = found["scan"]["range_error"]["sd_mm"]
     assert own["targets"][0]["bias_mm"] == pytest.approx(sd_mm, rel=0.15)  # seen from one side: all of it
     _, stated = call(*given, "--range-bias-mm", 0.45)
-    assert stated["targets"][0]["bias_mm"] == pytest.approx(0.45 / sd_mm * own["targets"][0]["bias_mm"])
+    in_proportion_mm = 0.45 / sd_mm * own["targets"][0]["bias_mm"]
+    # The points show some of a larger one.
+    assert 0.95 * in_proportion_mm < stated["targets"][0]["bias_mm"] < in_proportion_mm
     for target in (*own["targets"], *stated["targets"]):
         assert target["stated_mm"] == pytest.approx(target["p95_mm"] + 2 * target["bias_mm"])
     assert stated["verdict"] == "caution"

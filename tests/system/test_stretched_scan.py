@@ -5,14 +5,19 @@ With the calibration that ships, whose `bench penetration` was done on another s
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from picoradar.instrument.cli.main import run
 from picoradar.instrument.cli.scanning import record_scan
 from picoradar.instrument.cli.session import session
 from picoradar.instrument.line import Flag
 from picoradar.instrument.recording import Recording
 from picoradar.instrument.settings import Settings, override
+from picoradar.sim.physics.targets import HIP_FILE
 
 ROWS, COLUMNS = 13, 29
 
@@ -91,3 +96,21 @@ def test_tissue_is_not_taken_for_two_surfaces(scanned: dict[str, np.ndarray]) ->
     mixed = (scanned["flags"] & np.uint16(Flag.MIXED)) != 0
     assert mixed[scanned["bare"]].mean() < (0.5 if scanned["material"] == "fat" else 0.1)
     assert mixed[scanned["painted"]].mean() < 0.05
+
+
+def test_a_scan_registered_at_its_end_states_the_range_error_that_is_left(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "clinic.toml").write_text('[simulation]\nworld = "clinic"\n', encoding="utf-8")
+    raster = ["--grid", "26x26", "--step-mm", "1.5", "--mode", "window", "--material", "bone"]
+    scan = ["scan", "--settings", str(tmp_path / "clinic.toml"), *raster, "--register", str(HIP_FILE)]
+    assert run([*scan, "-o", str(tmp_path / "scan.db"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert run(["register", str(tmp_path / "scan.db"), str(HIP_FILE), "--json"]) == 0
+    alone = json.loads(capsys.readouterr().out)
+    assert found["range_error"]["sd_mm"] == pytest.approx(alone["range_error"]["sd_mm"])
+    assert found["range_error"]["sd_mm"] < 0.3  # 0.4 before the scan
+    for key in ("model_from_scanner", "verdict", "reasons"):
+        assert found["registration"][key] == alone[key], key
+    bias = [[target["bias_mm"] for target in one["targets"]] for one in (found["registration"], alone)]
+    assert bias[0] == bias[1]
