@@ -34,12 +34,15 @@ class Stretch(Part):
         Of the amplitude, as the fit of a whole pulse leaves it. A stretch of 1 is this much, 0 is paint.
     sd : float
         Standard deviation of that 1 for the piece that was measured.
+    place_sd_mm : float
+        Standard deviation of the bias from place to place of the piece, mm; 0 in older files, which do not know it.
     """
 
     start_ps: float = Field(ge=-5000, le=5000, description="first time after the 50 % point, ps")
     step_ps: float = Field(gt=0, le=1000, description="from value to value, ps")
     share: tuple[float, ...] = Field(min_length=2, max_length=2000, description="what is left, share of the amplitude")
     sd: float = Field(ge=0, le=1, description="relative standard deviation of its size for the piece measured")
+    place_sd_mm: float = Field(0.0, ge=0, le=50, description="by how much the bias differs from place to place, mm")
 
 
 def stretch_terms(bias_mm: float, transfer_sd_mm: float, rest_mm: float, stretch: Stretch) -> dict[str, float]:
@@ -60,4 +63,5 @@ def stretch_terms(bias_mm: float, transfer_sd_mm: float, rest_mm: float, stretch
         "power": POWER,
         "power_sd": POWER_SD,
         "law_sd": LAW_SHARE,
+        "place_sd_mm": stretch.place_sd_mm,
     }

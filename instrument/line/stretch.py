@@ -58,6 +58,8 @@ class StretchTerms(NamedTuple):
         The bias goes as this power of the stretch.
     law_sd : float
         Relative deviation of the bias of pieces of the same stretch.
+    place_sd_mm : float
+        Standard deviation of the bias from place to place.
     """
 
     bias_mm: float
@@ -66,11 +68,12 @@ class StretchTerms(NamedTuple):
     power: float
     power_sd: float
     law_sd: float
+    place_sd_mm: float = 0.0
 
     @classmethod
     def of(cls, known: Mapping[str, float]) -> StretchTerms:
         """Take them from the header of a recording."""
-        return cls(*(float(known[name]) for name in cls._fields))
+        return cls(**{name: float(known[name]) for name in cls._fields if name in known})
 
 
 class Unstretched(NamedTuple):
@@ -84,6 +87,8 @@ class Unstretched(NamedTuple):
         Of the scan as a whole, and its standard deviation.
     sd_mm : float
         Standard deviation of the common range error that is left.
+    place_variance_mm2 : (N,) float array
+        Of the bias from place to place, which no repeating makes smaller: it belongs to the points, not to the ranges.
     """
 
     change_mm: FloatArray
@@ -91,6 +96,7 @@ class Unstretched(NamedTuple):
     stretch: float
     stretch_sd: float
     sd_mm: float
+    place_variance_mm2: FloatArray
 
 
 def unstretched(
@@ -133,6 +139,7 @@ def unstretched(
         stretch=scan,
         stretch_sd=float(np.sqrt(told * (mean_variance + RADAR_SD**2))),
         sd_mm=_common_mm(terms, scan, told, mean_variance),
+        place_variance_mm2=(terms.place_sd_mm * bias) ** 2,
     )
 
 

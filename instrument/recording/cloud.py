@@ -171,10 +171,11 @@ def _correction(cloud: Cloud, stretch: Mapping[str, float] | None) -> Unstretche
 def _corrected(cloud: Cloud, by: Unstretched) -> Cloud:
     """Move the points along their beams."""
     along = cloud.beams
+    variance_mm2 = by.variance_mm2 + by.place_variance_mm2
     return replace(
         cloud,
         points_mm=cloud.points_mm + by.change_mm[:, None] * along,
-        covariance_mm2=cloud.covariance_mm2 + by.variance_mm2[:, None, None] * along[:, :, None] * along[:, None, :],
+        covariance_mm2=cloud.covariance_mm2 + variance_mm2[:, None, None] * along[:, :, None] * along[:, None, :],
         range_mm=cloud.range_mm + by.change_mm,
         range_variance_mm2=cloud.range_variance_mm2 + by.variance_mm2,
     )

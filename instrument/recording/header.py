@@ -184,7 +184,7 @@ def check_range_error(known: JsonObject) -> None:
 
 def _check_stretch(known: JsonObject) -> None:
     for name in StretchTerms._fields:
-        value = known.get(name, -1.0)
+        value = known.get(name, 0.0 if name in StretchTerms._field_defaults else -1.0)
         if not _is_number(value) or not 0 <= value <= MOST_TERM or (name in POSITIVE and not value):
             raise ValueError(f"stretch.{name} of the header is {value!r}, not a number from 0 to {MOST_TERM:g}")
 

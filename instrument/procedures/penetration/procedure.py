@@ -200,6 +200,9 @@ def _material(station: Station, piece: Piece, ranging: Ranging, stretch: Stretch
     if abs(bias_mm) < 2.0 * sample_sd_mm:
         how += ": of nothing, as no light was seen to enter this one"
         stretch = None
+    if stretch is not None:
+        places = [steps[ranging].place_sd_mm for steps in piece.poses.values()]
+        stretch = stretch.model_copy(update={"place_sd_mm": float(np.sqrt(np.mean(np.square(places))))})
     return Material(
         bias_mm=bias_mm,
         sample_sd_mm=sample_sd_mm,

@@ -46,6 +46,8 @@ class Step(NamedTuple):
         Points on each half.
     bare_mv, painted_mv : float
         Mean response of each half.
+    place_sd_mm : float
+        By how much the bare half scatters about its plane beyond the painted one: the bias differs from place to place.
     """
 
     step_mm: float
@@ -54,6 +56,7 @@ class Step(NamedTuple):
     painted: int
     bare_mv: float
     painted_mv: float
+    place_sd_mm: float
 
 
 def fit_lean(half: Half) -> Lean:
@@ -72,7 +75,8 @@ def fit_lean(half: Half) -> Lean:
 
 def step_between(painted: Half, bare: Half, lean: Lean) -> Step:
     """Return how far the bare half stands behind the painted one along the beam, both on planes of this lean."""
-    (front_mm, front_sd_mm), (back_mm, back_sd_mm) = _place(painted, lean), _place(bare, lean)
+    front_mm, front_sd_mm, front_rms_mm = _place(painted, lean)
+    back_mm, back_sd_mm, back_rms_mm = _place(bare, lean)
     apart = bare.points_mm[:, :2].mean(axis=0) - painted.points_mm[:, :2].mean(axis=0)
     lean_variance = float(apart @ lean.covariance @ apart)
     return Step(
@@ -82,17 +86,18 @@ def step_between(painted: Half, bare: Half, lean: Lean) -> Step:
         painted=len(painted.points_mm),
         bare_mv=float(bare.response_mv.mean()),
         painted_mv=float(painted.response_mv.mean()),
+        place_sd_mm=float(np.sqrt(max(back_rms_mm**2 - front_rms_mm**2, 0.0))),
     )
 
 
-def _place(half: Half, lean: Lean) -> tuple[float, float]:
-    """Return the mean distance along the beam from the plane, and its standard deviation."""
+def _place(half: Half, lean: Lean) -> tuple[float, float, float]:
+    """Return the mean distance along the beam from the plane, its standard deviation, and the scatter about it."""
     across, deep = half.points_mm[:, :2], half.points_mm[:, 2]
     along_mm = (deep - across @ lean.slopes - lean.middle_mm) / (half.beams[:, 2] - half.beams[:, :2] @ lean.slopes)
     mean_mm = float(along_mm.mean())
     shares = _sums(half, (along_mm - mean_mm)[:, None])
     few = len(shares) / max(len(shares) - 1, 1)
-    return mean_mm, float(np.sqrt((shares**2).sum() * few) / len(along_mm))
+    return mean_mm, float(np.sqrt((shares**2).sum() * few) / len(along_mm)), float(along_mm.std())
 
 
 def block_means(places_mm: FloatArray, values: FloatArray) -> FloatArray:
