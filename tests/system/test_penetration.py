@@ -14,6 +14,7 @@ from picoradar.instrument.calibration import Calibration
 from picoradar.instrument.cli.main import run as command
 from picoradar.instrument.cli.session import calibration_of, session
 from picoradar.instrument.cli.stages import SimulatedStage
+from picoradar.instrument.line import SUSPECT
 from picoradar.instrument.procedures.penetration import procedure as penetration
 from picoradar.instrument.procedures.station import Outcome, Placing, Radar, Station
 from picoradar.instrument.recording import Recording
@@ -138,9 +139,8 @@ def test_what_is_scanned_as_bone_is_ranged_so_and_the_recording_says_it(
         assert one.header["calibration_digest"] == other.header["calibration_digest"]
     # Windows lie where the surface is expected, as many as the noise asks for: other samples, with their own noise.
     np.testing.assert_allclose(off[np.isfinite(off)], known["bias_mm"], atol=1e-9 if mode == "sweep" else 5 * sd_mm)
-    # Tissue that nobody has named passes for another shape, which is looked for line by line: lines err as a whole.
-    of_one = np.nanmean(off.reshape(6, 8), axis=1)
-    assert of_one.mean() == pytest.approx(known["bias_mm"], abs=max(1e-9, 4 * np.std(of_one, ddof=1) / np.sqrt(6)))
+    if mode == "sweep":
+        assert off.mean() == pytest.approx(known["bias_mm"], abs=1e-9)
     assert known["bias_mm"] > 2.0
 
     # ranged again: as it was, as bone, and as what nobody has measured
@@ -162,6 +162,25 @@ def test_what_is_scanned_as_bone_is_ranged_so_and_the_recording_says_it(
         # As bone, stretched echoes no longer pass for noise, which weighs the same samples in another way.
         atol = 1e-6 if material is None or mode == "sweep" else 2 * sd_mm
         np.testing.assert_allclose(off[np.isfinite(off)], 0.0 if source == "bone" else known["bias_mm"], atol=atol)
+
+
+def test_in_windows_as_much_is_taken_off(call: Callable[..., Called], tmp_path: Path) -> None:
+    """Tissue that nobody has named passes for two surfaces in places; the others differ by the bias."""
+    settings = tmp_path / "clinic.toml"
+    settings.write_text('[simulation]\nworld = "clinic"\n')
+    off = []
+    for seed in ("2", "3", "4", "5"):
+        small = ("scan", "--settings", settings, "--grid", "6x8", "--mode", "window", "--seed", seed)
+        call(*small, "-o", tmp_path / f"plain-{seed}.db")
+        _, bone = call(*small, "-o", tmp_path / f"bone-{seed}.db", "--material", "bone")
+        with (
+            Recording.open(tmp_path / f"plain-{seed}.db") as one,
+            Recording.open(tmp_path / f"bone-{seed}.db") as other,
+        ):
+            doubtful = ((one.cloud().flags | other.cloud().flags) & np.uint16(SUSPECT)) != 0
+            off.append(np.nanmean((of_lines(one) - of_lines(other))[~doubtful]))
+    # Lines err as a whole, by what is common to their echoes: so do small scans, by about 0.1 mm.
+    assert np.mean(off) == pytest.approx(bone["range_error"]["bias_mm"], abs=0.2)
 
 
 def test_a_material_that_was_never_measured_is_scanned_with_a_warning(
