@@ -56,7 +56,7 @@ def test_weights_that_leave_a_line_are_refused_with_the_free_axis() -> None:
 
 
 def test_an_arc_is_no_straight_line() -> None:
-    """Monte-Carlo of rotations of 12 deg: the first order knows no mean, and has the spread of the chords too long."""
+    """Monte-Carlo of rotations of 16 deg: the first order knows no mean, and has the spread of the chords too long."""
     rng = np.random.default_rng(4)
     root = np.diag([0.21, 0.12, 0.05, 0.2, 0.3, 0.1]) @ (np.eye(6) + 0.3 * rng.normal(size=(6, 6)))
     covariance, offset = root @ root.T, np.array([30.0, 50.0, -20.0])
