@@ -61,7 +61,7 @@ def test_exchanged_landmarks_are_named(socket: registration.Model, scan_of: Scan
     assert any("rim 1 and rim 2 seem to be exchanged" in reason for reason in found.reasons)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_landmarks_that_lead_nowhere_are_left_for_a_search_from_anywhere(
     socket: registration.Model, scan_of: ScanOf, seed: int
 ) -> None:

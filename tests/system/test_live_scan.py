@@ -138,6 +138,7 @@ def test_what_no_line_can_bring_does_not_end_the_scan(scan: Scan, targets: Path)
     assert found["registration"]["live"]["reached_after_s"] is None
 
 
+@pytest.mark.slow
 def test_another_body_fails_and_says_so(scan: Scan) -> None:
     code, found = scan("a.db", "--register", str(HIP_FILE), "--target", "prism")
     assert code == 1
@@ -171,6 +172,7 @@ def recorded(path: Path) -> scanning.RecordedScan:
         return scanning.record_scan(one, path, following.asked(HIP_FILE, {}, None))
 
 
+@pytest.mark.slow
 def test_on_a_real_clock_a_slow_registration_takes_its_time_off_the_beams_thread(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
