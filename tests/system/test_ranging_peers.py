@@ -30,6 +30,7 @@ def test_a_peer_finds_the_interval_of_two_pulses(name: str) -> None:
     assert near.height_mv == pytest.approx(40.0, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_every_method_has_a_row_and_the_template_is_among_the_best() -> None:
     script = [sys.executable, str(ROOT / "benchmarks" / "ranging_peers.py")]

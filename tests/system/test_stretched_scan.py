@@ -98,6 +98,7 @@ def test_tissue_is_not_taken_for_two_surfaces(scanned: dict[str, np.ndarray]) ->
     assert mixed[scanned["painted"]].mean() < 0.05
 
 
+@pytest.mark.slow
 def test_a_scan_registered_at_its_end_states_the_range_error_that_is_left(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
