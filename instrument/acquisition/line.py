@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,70 +28,63 @@ def to_scan_line(plan: LinePlan, captured: Captured, calibration: Calibration, b
     began_s : float
         Device time at which the line was begun.
     """
-    ranges = captured.ranges
-    placed = _in_space(plan.angles_rad, ranges, calibration)
     return ScanLine(
         index=plan.row,
         columns=plan.columns,
         angles_rad=plan.angles_rad,
-        points_mm=placed.points_mm,
-        covariance_mm2=placed.covariance_mm2,
-        range_mm=ranges.range_mm,
-        range_variance_mm2=ranges.variance_mm2,
-        response_mv=ranges.response_mv,
-        flags=ranges.flags,
         traces=captured.traces,
         sweeps=captured.sweeps,
         device_time_s=began_s,
         windows=captured.windows,
-        last_points_mm=placed.last_points_mm,
-        last_range_mm=ranges.last_range_mm,
-        last_range_variance_mm2=ranges.last_variance_mm2,
-        last_response_mv=ranges.last_response_mv,
-        range_covariance_mm2=ranges.covariance_mm2,
-        stretch=_stretch(ranges),
+        **_ranged(plan.angles_rad, captured.ranges, calibration),
     )
 
 
 def reprocessed(line: ScanLine, ranges: Ranges, calibration: Calibration) -> ScanLine:
     """Return a line with other ranges (N,) of its points, by a calibration that may be another one, too."""
-    placed = _in_space(line.angles_rad, ranges, calibration)
-    return replace(
-        line,
-        points_mm=placed.points_mm,
-        covariance_mm2=placed.covariance_mm2,
-        range_mm=ranges.range_mm,
-        range_variance_mm2=ranges.variance_mm2,
-        response_mv=ranges.response_mv,
-        flags=ranges.flags,
-        last_points_mm=placed.last_points_mm,
-        last_range_mm=ranges.last_range_mm,
-        last_range_variance_mm2=ranges.last_variance_mm2,
-        last_response_mv=ranges.last_response_mv,
-        range_covariance_mm2=ranges.covariance_mm2,
-        stretch=_stretch(ranges),
-    )
+    return replace(line, **_ranged(line.angles_rad, ranges, calibration))
+
+
+class _Ranged(TypedDict):
+    """What a line has of the ranges of its N points; as in `ScanLine`."""
+
+    points_mm: NDArray[np.float64]
+    covariance_mm2: NDArray[np.float64]
+    range_mm: NDArray[np.float64]
+    range_variance_mm2: NDArray[np.float64]
+    response_mv: NDArray[np.float64]
+    flags: NDArray[np.uint16]
+    last_points_mm: NDArray[np.float64]
+    last_range_mm: NDArray[np.float64]
+    last_range_variance_mm2: NDArray[np.float64]
+    last_response_mv: NDArray[np.float64]
+    range_covariance_mm2: NDArray[np.float64]
+    stretch: NDArray[np.float64] | None
+
+
+def _ranged(angles_rad: NDArray[np.float64], ranges: Ranges, calibration: Calibration) -> _Ranged:
+    """Put ranges into space along their beams."""
+    true_rad, separation_mm = true_angles(angles_rad, calibration.scanner), calibration.mirror_separation_mm
+    pointing_sd_rad = calibration.pointing_sd_rad
+    return {
+        "points_mm": points_from(true_rad, ranges.range_mm, separation_mm),
+        "covariance_mm2": covariance_from(
+            true_rad, ranges.range_mm, ranges.variance_mm2, pointing_sd_rad, separation_mm
+        ),
+        "range_mm": ranges.range_mm,
+        "range_variance_mm2": ranges.variance_mm2,
+        "response_mv": ranges.response_mv,
+        "flags": ranges.flags,
+        "last_points_mm": points_from(true_rad, ranges.last_range_mm, separation_mm),
+        "last_range_mm": ranges.last_range_mm,
+        "last_range_variance_mm2": ranges.last_variance_mm2,
+        "last_response_mv": ranges.last_response_mv,
+        "range_covariance_mm2": ranges.covariance_mm2,
+        "stretch": _stretch(ranges),
+    }
 
 
 def _stretch(ranges: Ranges) -> NDArray[np.float64] | None:
     """Return stretch and variance (N, 2) where any echo tells them."""
     found = np.stack([ranges.stretch, ranges.stretch_variance], axis=1)
     return found if np.isfinite(found).any() else None
-
-
-class _InSpace(NamedTuple):
-    """Points (N, 3) mm in the scanner frame, their covariances (N, 3, 3) mm^2, and the points of the last echoes."""
-
-    points_mm: NDArray[np.float64]
-    covariance_mm2: NDArray[np.float64]
-    last_points_mm: NDArray[np.float64]
-
-
-def _in_space(angles_rad: NDArray[np.float64], ranges: Ranges, calibration: Calibration) -> _InSpace:
-    true_rad = true_angles(angles_rad, calibration.scanner)
-    separation_mm = calibration.mirror_separation_mm
-    return _InSpace(
-        points_from(true_rad, ranges.range_mm, separation_mm),
-        covariance_from(true_rad, ranges.range_mm, ranges.variance_mm2, calibration.pointing_sd_rad, separation_mm),
-        points_from(true_rad, ranges.last_range_mm, separation_mm),
-    )

@@ -56,7 +56,7 @@ def reprocess(
     with Recording.open(source) as old:
         used = calibration or _own_calibration(old)
         estimator = method or old.header.get("raster", {}).get("estimator", "half-maximum")
-        target_of = old.range_error.get("material", "") if material is None else material
+        target_of = (old.header.get("range_error") or {}).get("material", "") if material is None else material
         ranging: Ranging = "window" if old.raster.get("mode") == "window" else estimator
         header = _header(old.header, source, used, estimator)
         header["range_error"] = used.range_error(target_of, ranging)._asdict()

@@ -56,13 +56,6 @@ RegisterModel = Annotated[
         "--register", help="Mesh (mm) to register to while the scan is made; it ends once the verdict is pass."
     ),
 ]
-TargetsFile = Annotated[
-    Path | None, typer.Option("--targets", help='JSON list of {"position": [x,y,z], "name": ...}, model frame, mm.')
-]
-LandmarksFile = Annotated[
-    Path | None,
-    typer.Option("--landmarks", help='JSON list of {"scanner": [x,y,z], "model": [x,y,z], "name": ...}.'),
-]
 UntilTre = Annotated[
     float | None, typer.Option("--until-tre", help="End at pass and this predicted error (rms, mm) at every target.")
 ]

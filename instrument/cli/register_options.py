@@ -29,6 +29,13 @@ ToleranceOption = Annotated[
     ),
 ]
 
+TargetsFile = Annotated[
+    Path | None, typer.Option("--targets", help='JSON list of {"position": [x,y,z], "name": ...}, model frame, mm.')
+]
+LandmarksFile = Annotated[
+    Path | None,
+    typer.Option("--landmarks", help='JSON list of {"scanner": [x,y,z], "model": [x,y,z], "name": ...}.'),
+]
 RegionsFile = Annotated[
     Path | None, typer.Option("--exclude", help='JSON list of {"center": [x,y,z], "radius_mm": r}, model frame.')
 ]

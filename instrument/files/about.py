@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from picoradar.drivers.errors import parse_json
-from picoradar.instrument.recording import Recording, check_range_error, plain
+from picoradar.instrument.recording import Cloud, Recording, check_range_error, plain, range_error_in
 
 RANGE_ERROR, ZERO_CHECK = "range_error", "zero_check"
 NAMES = (RANGE_ERROR, ZERO_CHECK)
@@ -60,17 +60,19 @@ class About:
     zero_check: Json | None = None
 
 
-def texts_of(recording: Recording, zero_check: Mapping[str, object] | None) -> dict[str, str]:
+def texts_of(recording: Recording, cloud: Cloud, zero_check: Mapping[str, object] | None) -> dict[str, str]:
     """Return what is to be written about a recording's points: JSON text (ASCII, one line) by name.
 
     Parameters
     ----------
     recording : Recording
+    cloud : Cloud
+        All its points.
     zero_check : mapping or None
         Of a check of the range zero (`ZeroCheck.to_dict`).
     """
     told: dict[str, Mapping[str, object]] = {}
-    if known := recording.range_error:
+    if known := range_error_in(recording.header, cloud):
         zero_sd_mm = (recording.header.get("calibration") or {}).get("range_zero_sd_mm")
         told[RANGE_ERROR] = {**known, **_shares(known.get("sd_mm"), zero_sd_mm)}
     if zero_check is not None:

@@ -1,6 +1,6 @@
 """Recordings: one SQLite file a scan, durable line by line (layout in docs/recording.md)."""
 
-from picoradar.instrument.recording.cloud import Cloud, cloud_of, range_error_left
+from picoradar.instrument.recording.cloud import Cloud, cloud_of, range_error_in, range_error_left
 from picoradar.instrument.recording.errors import RecordingError, from_sqlite
 from picoradar.instrument.recording.findings import Event, LineCheck
 from picoradar.instrument.recording.header import check_range_error, digest, plain, versions
@@ -23,6 +23,7 @@ __all__ = [
     "in_fs",
     "open_recording",
     "plain",
+    "range_error_in",
     "range_error_left",
     "refuse_unwritable",
     "salvage",

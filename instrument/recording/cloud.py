@@ -152,6 +152,21 @@ def range_error_left(known: JsonObject, cloud: Cloud, stretch: Mapping[str, floa
     return {**known, "sd_mm": correction.sd_mm, **seen}
 
 
+def range_error_in(header: JsonObject, cloud: Cloud) -> JsonObject:
+    """Return material, bias_mm and sd_mm of the range error that all points of a recording share, and their stretch if
+    it was seen; empty of recordings of earlier versions.
+
+    Parameters
+    ----------
+    header : dict
+        Of the recording.
+    cloud : Cloud
+        All its points.
+    """
+    is_raster = header["raster"].get("step_mm") is not None
+    return range_error_left(header.get("range_error") or {}, cloud, header.get("stretch") if is_raster else None)
+
+
 def _stretch(lines: list[ScanLine]) -> NDArray[np.float64] | None:
     """Join the stretch of the echoes of lines, of which some know it; None where none does."""
     if all(line.stretch is None for line in lines):

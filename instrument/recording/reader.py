@@ -17,7 +17,7 @@ from picoradar.drivers.errors import DECODER_ERRORS, decoder_words
 from picoradar.instrument.events import JsonObject
 from picoradar.instrument.line import ScanLine, ZeroReading
 from picoradar.instrument.recording import rows, zero_rows
-from picoradar.instrument.recording.cloud import Cloud, cloud_of, range_error_left
+from picoradar.instrument.recording.cloud import Cloud, cloud_of, range_error_in
 from picoradar.instrument.recording.content import FROM_A_COPY, event_of, json_object, refuse_foreign_content
 from picoradar.instrument.recording.errors import READING_ERRORS, SALVAGE, RecordingError, from_sqlite
 from picoradar.instrument.recording.findings import Event, LineCheck
@@ -70,10 +70,8 @@ class Reader:
 
     @property
     def range_error(self) -> JsonObject:
-        """Get material, bias_mm, sd_mm of the range error of all points, and their stretch if seen; empty: older."""
-        known: JsonObject = self.header.get("range_error") or {}
-        stretch = self.header.get("stretch") if self.raster.get("step_mm") is not None else None
-        return known if stretch is None else range_error_left(known, self.cloud(skip_damaged=True), stretch)
+        """Get what `range_error_in` says of all points; the lines are read for it."""
+        return range_error_in(self.header, self.cloud(skip_damaged=True))
 
     @property
     def trace(self) -> JsonObject:

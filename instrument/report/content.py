@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from picoradar.instrument.events import JsonObject
-from picoradar.instrument.recording import Cloud, Recording
+from picoradar.instrument.recording import Cloud, Recording, range_error_in
 from picoradar.instrument.report.page import Banner
 from picoradar.instrument.report.registered import RegisteredScan
 from picoradar.instrument.report.style import LIMITS_MM
@@ -89,7 +89,7 @@ def facts(
     found.append(
         ("raster", grid + (f", {step:g} mm apart" if step else "") + (f", {averages} averages" if averages else ""))
     )
-    found.append(("target, and range error taken off", range_error_words(recording)))
+    found.append(("target, and range error taken off", range_error_words(range_error_in(recording.header, cloud))))
     scan = summary.get("scan", {})
     if isinstance(scan, Mapping) and scan.get("device_time_s") is not None:
         shots = scan.get("shot_limited_s")
@@ -127,9 +127,8 @@ def _facts_of_registration(registered: RegisteredScan) -> list[tuple[str, str]]:
     return found
 
 
-def range_error_words(recording: Recording) -> str:
-    """Say what the recording knows of the range error that all its points share."""
-    known = recording.range_error
+def range_error_words(known: JsonObject) -> str:
+    """Say what a recording knows of the range error that all its points share."""
     if not (material := known.get("material")):
         return "material not stated, nothing taken off"
     if (sd_mm := known.get("sd_mm")) is None:

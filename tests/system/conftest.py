@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -17,12 +18,16 @@ from picoradar.drivers.traces import CodeScale
 from picoradar.instrument import events
 from picoradar.instrument.acquisition import Acquisition, Setup, raster_scan
 from picoradar.instrument.bench import make_bench
+from picoradar.instrument.cli.main import run
 from picoradar.instrument.cli.session import calibration_of
 from picoradar.instrument.controller import Controller, ScanOutcome
 from picoradar.instrument.line import ScanLine
 from picoradar.instrument.recording import Recording
 from picoradar.instrument.settings import Links, Settings, override
 from picoradar.sim import SimulatedBench
+
+Told = Callable[..., dict[str, Any]]
+"""Runs a command, whose exit status must be `code` (0), and returns its JSON."""
 
 
 @dataclass
@@ -100,3 +105,16 @@ def radar(make_radar: Callable[..., Radar]) -> Radar:
     one = make_radar()
     one.get_ready()
     return one
+
+
+@pytest.fixture
+def told(capsys: pytest.CaptureFixture[str]) -> Told:
+    """Run a command and get its JSON; the exit status must be the one that is expected."""
+
+    def call(*arguments: object, code: int = 0) -> dict[str, Any]:
+        capsys.readouterr()
+        assert run([*map(str, arguments), "--json"]) == code, capsys.readouterr().err
+        result: dict[str, Any] = json.loads(capsys.readouterr().out)
+        return result
+
+    return call

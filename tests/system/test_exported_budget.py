@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,25 +13,11 @@ from picoradar.instrument.files.export import export
 from picoradar.instrument.files.points import PointFileError, read_points
 from picoradar.instrument.recording import Recording
 from picoradar.sim.physics import HIP_FILE
+from tests.system.conftest import Told
 
 SCAN = ("--grid", "20x20", "--step-mm", "2", "--mode", "window", "--seed", "7", "--material", "bone")
 FORMATS = (".ply", ".csv", ".npz")
 DRIFT_MM = 4.0  # of the reference fibre: all ranges are off by half of it
-
-Told = Callable[..., dict[str, Any]]
-
-
-@pytest.fixture
-def told(capsys: pytest.CaptureFixture[str]) -> Told:
-    """Run a command and get its JSON; the exit status must be the one that is expected."""
-
-    def call(*arguments: object, code: int = 0) -> dict[str, Any]:
-        capsys.readouterr()
-        assert run([*map(str, arguments), "--json"]) == code, capsys.readouterr().err
-        result: dict[str, Any] = json.loads(capsys.readouterr().out)
-        return result
-
-    return call
 
 
 @pytest.fixture(scope="module")

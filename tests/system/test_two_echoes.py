@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import signal
 import sqlite3
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,24 +18,10 @@ from picoradar.instrument.cli.main import run
 from picoradar.instrument.files.points import read_points
 from picoradar.instrument.line import LAST_ECHO, Flag
 from picoradar.instrument.recording import Cloud, Recording
+from tests.system.conftest import Told
 
 BACK_MM = 960.0  # along z, as that of the front: two plates at right angles to the middle beam, with an edge between
 SEED = 5
-
-Told = Callable[..., dict[str, Any]]
-
-
-@pytest.fixture
-def told(capsys: pytest.CaptureFixture[str]) -> Told:
-    """Run a command and get its JSON; the exit status must be the one that is expected."""
-
-    def call(*arguments: object, code: int = 0) -> dict[str, Any]:
-        capsys.readouterr()
-        assert run([*map(str, arguments), "--json"]) == code, capsys.readouterr().err
-        result: dict[str, Any] = json.loads(capsys.readouterr().out)
-        return result
-
-    return call
 
 
 @pytest.fixture(scope="module")

@@ -18,25 +18,11 @@ from picoradar.instrument.line import ScanLine
 from picoradar.instrument.recording import Recording, RecordingError, salvage
 from picoradar.instrument.settings import Settings, override
 from picoradar.sim.physics import HIP_FILE
+from tests.system.conftest import Told
 
 WINDOWS = ("--grid", "20x20", "--step-mm", "2", "--mode", "window", "--seed", "7", "--material", "bone")
 SHORT = ("--grid", "3x2", "--seed", "7")
 DRIFT_MM = 4.0  # of the reference fibre: all ranges are off by half of it
-
-Told = Callable[..., dict[str, Any]]
-
-
-@pytest.fixture
-def told(capsys: pytest.CaptureFixture[str]) -> Told:
-    """Run a command and get its JSON; the exit status must be the one that is expected."""
-
-    def call(*arguments: object, code: int = 0) -> dict[str, Any]:
-        capsys.readouterr()
-        assert run([*map(str, arguments), "--json"]) == code, capsys.readouterr().err
-        result: dict[str, Any] = json.loads(capsys.readouterr().out)
-        return result
-
-    return call
 
 
 def settings_file(folder: Path, **tables: dict[str, object]) -> Path:

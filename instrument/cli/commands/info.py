@@ -77,8 +77,9 @@ def registration_words(described: Mapping[str, object]) -> str:
 def describe_recording(scan: Recording) -> dict[str, object]:
     """Describe a recording by the keys of the command's contract; every line is checked."""
     from picoradar.instrument.acquisition import zero_check_of
+    from picoradar.instrument.recording import range_error_in
 
-    checks, header = scan.check(), scan.header
+    checks, header, cloud = scan.check(), scan.header, scan.cloud(skip_damaged=True)
     damaged = [{"line": line.index, "problem": line.problem} for line in checks if not line.ok]
     return {
         "lines": len(checks),
@@ -89,10 +90,10 @@ def describe_recording(scan: Recording) -> dict[str, object]:
         "seed": header.get("seed"),
         "stop_reason": scan.stop_reason,
         "raster": header.get("raster"),
-        "range_error": scan.range_error or None,
+        "range_error": range_error_in(header, cloud) or None,
         "versions": header.get("versions"),
         "scanner": header.get("scanner"),
-        "two_echoes": int(scan.cloud(skip_damaged=True).with_range().two_echoes.sum()),
+        "two_echoes": int(cloud.with_range().two_echoes.sum()),
         "zero_check": zero_check_of(scan).to_dict(),
         "registration": next(reversed(scan.registrations()), None),
         "damaged": damaged,

@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from picoradar.instrument.cli import output
-from picoradar.instrument.cli.options import Json, LandmarksFile, TargetsFile, parse_numbers
+from picoradar.instrument.cli.options import Json, parse_numbers
 from picoradar.instrument.cli.register_inputs import read_budget, read_regions, read_start, read_targets
 from picoradar.instrument.cli.register_options import (
     Budget,
     Fiducials,
     FleMm,
+    LandmarksFile,
     Method,
     ModelOffset,
     Noise,
@@ -25,6 +26,7 @@ from picoradar.instrument.cli.register_options import (
     RegionsFile,
     SigmaModel,
     Start,
+    TargetsFile,
     ToleranceOption,
 )
 from picoradar.instrument.errors import BadInput
@@ -76,9 +78,11 @@ def register(
         register_fiducials(Pairs(fiducials, fle_mm, alone=cloud is None), places, allowed, json=json)
         return
     cloud, model = _both(cloud, model)
-    stated, points = read_budget(budget), read_points(cloud)
+    stated = read_budget(budget)
+    points = read_points(cloud)
     check, known = zero.check_of_points(cloud, points), range_error_taken(cloud, points, range_bias_mm, stated)
-    began, prepared = time.perf_counter(), reg.load_model(model)
+    began = time.perf_counter()
+    prepared = reg.load_model(model)
     prepared_at = time.perf_counter()
     result = reg.register(
         points.points,
@@ -99,17 +103,17 @@ def register(
         tolerance=allowed,
         objections=zero.objections(check),
     )
-    if json:
-        times = {"prepare_ms": (prepared_at - began) * 1e3, "register_ms": (time.perf_counter() - prepared_at) * 1e3}
-        told = describe(result, allowed, **times)
-        output.print_json({**told, "range_error": known, "zero_check": zero.described(check)})
+    times = {"prepare_ms": (prepared_at - began) * 1e3, "register_ms": (time.perf_counter() - prepared_at) * 1e3}
+    about = {"range_error": known, "zero_check": zero.described(check)}
+    _tell(result, None if not json else {**describe(result, allowed, **times), **about}, check, known)
+
+
+def _tell(result: Registration, contract: JsonObject | None, check: ZeroCheck | None, known: JsonObject) -> None:
+    """Print a registration as JSON, where its contract is given, or for people; end by its verdict."""
+    if contract is not None:
+        output.print_json(contract)
     else:
         show(result, check, known)
-    _exit_by(result)
-
-
-def _exit_by(result: Registration) -> None:
-    """End with another status where the pose must not be used."""
     if result.verdict == "fail":
         raise typer.Exit(output.EXIT_NOT_ACCEPTED)
 

@@ -10,7 +10,7 @@ import typer
 from picoradar.instrument.cli import options, output, transcripts
 from picoradar.instrument.cli.commands import register as registering
 from picoradar.instrument.cli.new_files import make_folder, refuse_taken
-from picoradar.instrument.cli.register_options import ToleranceOption
+from picoradar.instrument.cli.register_options import LandmarksFile, TargetsFile, ToleranceOption
 from picoradar.instrument.errors import BadInput
 from picoradar.instrument.events import JsonObject
 
@@ -50,8 +50,8 @@ def scan(
     out: Annotated[Path | None, typer.Option("-o", help="Recording to make (a file that does not exist).")] = None,
     folder: Annotated[Path | None, typer.Option("--out", help="Folder for the recording, made if need be.")] = None,
     register: options.RegisterModel = None,
-    targets: options.TargetsFile = None,
-    landmarks: options.LandmarksFile = None,
+    targets: TargetsFile = None,
+    landmarks: LandmarksFile = None,
     until_tre: options.UntilTre = None,
     tolerance: ToleranceOption = None,
     transcript: transcripts.TranscriptFile = None,

@@ -84,8 +84,9 @@ def export(
     if save is None:
         able = " or ".join(suffix for suffix, entry in FORMATS.items() if entry.save_with_traces is not None)
         raise ExportError(f"{file}: {file.suffix} has no place for traces; use {able}")
-    points = recording.cloud().with_range()
-    save(file, Content(points, recording, texts_of(recording, zero_check)))
+    cloud = recording.cloud()
+    points = cloud.with_range()
+    save(file, Content(points, recording, texts_of(recording, cloud, zero_check)))
     return {"written": str(file), "points": len(points), "two_echoes": int(points.two_echoes.sum())}
 
 

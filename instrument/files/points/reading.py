@@ -17,7 +17,7 @@ from picoradar.instrument.files.points.errors import PointFileError
 from picoradar.instrument.files.points.limits import LARGEST_FILE_BYTES, MOST_POINTS
 from picoradar.instrument.files.points.ply import read_vertices
 from picoradar.instrument.files.points.text import read_text
-from picoradar.instrument.recording import Recording
+from picoradar.instrument.recording import Recording, range_error_in
 
 SUFFIXES = (".ply", ".csv", ".xyz", ".npz")
 _SQLITE = b"SQLite format 3\0"
@@ -109,7 +109,8 @@ def read_points(path: str | os.PathLike[str]) -> PointFile:
 
 def _from_recording(file: Path) -> PointFile:
     with Recording.open(file) as recording:
-        cloud, known = recording.cloud().with_range(), recording.range_error
+        every = recording.cloud()
+        cloud, known = every.with_range(), range_error_in(recording.header, every)
     about = About(error_of(known) if known else None)
     return PointFile(cloud.points_mm, np.zeros(3), cloud.covariance_mm2, cloud.response_mv, cloud.grid, about)
 
