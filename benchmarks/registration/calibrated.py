@@ -28,7 +28,6 @@ sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
 import numpy as np  # noqa: E402 - threads must be limited first
 import scenes  # noqa: E402
 from judged import PLACES, Judged, Kept, column, coverage, judged, ratio  # noqa: E402
-from marked import provenance, write_between_marks  # noqa: E402
 from success import Bone  # noqa: E402
 
 from picoradar.registration import prepare_model  # noqa: E402
@@ -85,10 +84,7 @@ def main() -> None:
                     given = {"covariance": covariances(scan["points"])} if label["given"] == "covariances" else {}
                     kept.add(judged(bone, model, frame, scan, label, range_bias_mm=RANGE_BIAS_MM, **given))
             print(f"{bone.name}: {len(kept.done)} in {options.out}", flush=True)
-    lines = report(kept.done)
-    print(*lines, sep="\n")
-    if options.write:
-        write_between_marks("registration.md", NAME, [f"{provenance()} {len(kept.done)} registrations.", "", *lines])
+    kept.tell(report(kept.done), NAME, write=options.write)
 
 
 def report(rows: list[Judged]) -> list[str]:

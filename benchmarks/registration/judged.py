@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import scenes
 from floor import scan_floor
+from marked import provenance, write_between_marks
 from success import Bone
 
 from picoradar.registration import Model, register
@@ -126,6 +127,14 @@ class Kept:
         self.known.add(self._key(asdict(one)))
         with self.path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(asdict(one)) + "\n")
+
+    def tell(self, lines: list[str], name: str, *, write: bool) -> None:
+        """Print a table of them, and put it into the documentation in the place of this benchmark."""
+        print(*lines, sep="\n")
+        if write:
+            write_between_marks(
+                "registration.md", name, [f"{provenance()} {len(self.done)} registrations.", "", *lines]
+            )
 
     @staticmethod
     def _key(label: dict[str, Any]) -> tuple[Any, ...]:

@@ -147,35 +147,41 @@ def bone_implicit(x, y, z):
     return _smax(body, -cavity, 1.6)
 
 
-def reference_mesh(h=0.8):
-    """Fine mesh that stands for the real bone (rays are cast on this one)."""
+def contoured(
+    values: np.ndarray, first: np.ndarray, spacing_mm: tuple[float, ...], level: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Surface (V, 3), (F, 3) where values (X, Y, Z) cross a level: the largest piece."""
     import vtk
     from vtk.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
+    image = vtk.vtkImageData()
+    image.SetDimensions(*values.shape)
+    image.SetOrigin(*first)
+    image.SetSpacing(*spacing_mm)
+    image.GetPointData().SetScalars(numpy_to_vtk(values.ravel(order="F"), deep=True))
+    contour = vtk.vtkFlyingEdges3D()
+    contour.SetInputData(image)
+    contour.SetValue(0, level)
+    contour.ComputeNormalsOff()
+    largest = vtk.vtkPolyDataConnectivityFilter()
+    largest.SetInputConnection(contour.GetOutputPort())
+    largest.SetExtractionModeToLargestRegion()
+    clean = vtk.vtkCleanPolyData()
+    clean.SetInputConnection(largest.GetOutputPort())
+    clean.Update()
+    found = clean.GetOutput()
+    vertices = vtk_to_numpy(found.GetPoints().GetData()).astype(float)
+    return vertices, vtk_to_numpy(found.GetPolys().GetConnectivityArray()).reshape(-1, 3).astype(np.int64)
+
+
+def reference_mesh(h=0.8):
+    """Fine mesh that stands for the real bone (rays are cast on this one)."""
     lo, hi = np.array([-76.0, -74.0, -44.0]), np.array([44.0, 92.0, 8.0])
     n = np.ceil((hi - lo) / h).astype(int) + 1
     ax = [lo[i] + h * np.arange(n[i]) for i in range(3)]
     z, y, x = np.meshgrid(ax[2], ax[1], ax[0], indexing="ij")
     f = bone_implicit(x, y, z)
-    img = vtk.vtkImageData()
-    img.SetDimensions(*[int(v) for v in n])
-    img.SetOrigin(*lo)
-    img.SetSpacing(h, h, h)
-    img.GetPointData().SetScalars(numpy_to_vtk(f.ravel(), deep=True))
-    c = vtk.vtkFlyingEdges3D()
-    c.SetInputData(img)
-    c.SetValue(0, 0.0)
-    c.ComputeNormalsOff()
-    conn = vtk.vtkPolyDataConnectivityFilter()
-    conn.SetInputConnection(c.GetOutputPort())
-    conn.SetExtractionModeToLargestRegion()
-    cl = vtk.vtkCleanPolyData()
-    cl.SetInputConnection(conn.GetOutputPort())
-    cl.Update()
-    pd = cl.GetOutput()
-    V = vtk_to_numpy(pd.GetPoints().GetData()).astype(float)
-    F = vtk_to_numpy(pd.GetPolys().GetConnectivityArray()).reshape(-1, 3).astype(np.int64)
-    return orient_outward(V, F)
+    return orient_outward(*contoured(f.transpose(2, 1, 0), lo, (h, h, h), 0.0))
 
 
 def orient_outward(V, F):

@@ -28,7 +28,6 @@ sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
 import numpy as np  # noqa: E402 - threads must be limited first
 import scenes  # noqa: E402
 from judged import Judged, Kept, column, coverage, judged  # noqa: E402
-from marked import provenance, write_between_marks  # noqa: E402
 from success import Bone  # noqa: E402
 from volumes import VOLUMES, made_again  # noqa: E402
 
@@ -250,10 +249,7 @@ def main() -> None:
                 if options.only in row.name:
                     run(bone, row, options, kept)
             print(f"{bone.name}: {len(kept.done)} in {options.out}", flush=True)
-    lines = report(kept.done)
-    print(*lines, sep="\n")
-    if options.write:
-        write_between_marks("registration.md", NAME, [f"{provenance()} {len(kept.done)} registrations.", "", *lines])
+    kept.tell(report(kept.done), NAME, write=options.write)
 
 
 if __name__ == "__main__":

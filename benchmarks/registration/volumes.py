@@ -73,34 +73,9 @@ def filled(model: Model, volume: Volume, seed: int) -> tuple[np.ndarray, np.ndar
     return grey, first
 
 
-def contoured(values: np.ndarray, first: np.ndarray, spacing_mm: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Surface (V, 3), (F, 3) where values (X, Y, Z) cross one half: the largest piece, seen from outside."""
-    import vtk
-    from vtk.util.numpy_support import numpy_to_vtk, vtk_to_numpy
-
-    image = vtk.vtkImageData()
-    image.SetDimensions(*values.shape)
-    image.SetOrigin(*first)
-    image.SetSpacing(*spacing_mm)
-    image.GetPointData().SetScalars(numpy_to_vtk(values.ravel(order="F"), deep=True))
-    contour = vtk.vtkFlyingEdges3D()
-    contour.SetInputData(image)
-    contour.SetValue(0, 0.5)
-    contour.ComputeNormalsOff()
-    largest = vtk.vtkPolyDataConnectivityFilter()
-    largest.SetInputConnection(contour.GetOutputPort())
-    largest.SetExtractionModeToLargestRegion()
-    clean = vtk.vtkCleanPolyData()
-    clean.SetInputConnection(largest.GetOutputPort())
-    clean.Update()
-    found = clean.GetOutput()
-    vertices = vtk_to_numpy(found.GetPoints().GetData()).astype(float)
-    return vertices, vtk_to_numpy(found.GetPolys().GetConnectivityArray()).reshape(-1, 3).astype(np.int64)
-
-
 def made_again(model: Model, volume: Volume, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """The surface of a closed model about the frame's origin, as a volume shows it, turned as the model's is."""
-    vertices, faces = contoured(*filled(model, volume, seed), volume.spacing_mm)
+    vertices, faces = scenes.contoured(*filled(model, volume, seed), volume.spacing_mm, 0.5)
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     agree = np.einsum("ij,ij->i", normals, model.closest((a + b + c) / 3.0).normals)
