@@ -116,7 +116,7 @@ def fit_noise(
     return ShotNoise(
         floor_mv=max(float(np.sqrt(floor)), settings.min_floor_mv),
         signal_mv=float(shot),
-        signal_share=min(float(np.sqrt(share)), 1.0),
+        signal_share=min(float(np.sqrt(share)), 1.0),  # noise greater than the pulses: the most that it may be
         jitter_ps=float(np.sqrt(jitter)),
     )
 

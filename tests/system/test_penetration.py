@@ -56,6 +56,10 @@ def test_the_procedure_recovers_the_truth_of_the_very_piece(tmp_path: Path) -> N
             assert entry.bias_mm == pytest.approx(truth, abs=3 * entry.sample_sd_mm), ranging
         assert entry.sample_sd_mm < 0.15
         assert entry.transfer_sd_mm == pytest.approx(2**0.5 * 0.08 * entry.bias_mm)
+        if entry.stretch is not None:  # bone differs from place to place, and the report says by how much
+            assert 0.2 < entry.stretch.place_sd_mm < 1.0
+            assert outcome.figures[f"{ranging}_place_sd_mm"] == entry.stretch.place_sd_mm
+            assert any("From place to place" in finding for finding in outcome.findings)
 
 
 def true_bias_mm(path: Path, simulation: dict[str, object]) -> float:

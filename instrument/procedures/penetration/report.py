@@ -54,6 +54,8 @@ def described(name: str, piece: Piece, after: Calibration, paint_bias_mm: float)
         figures[f"{title}_bias_of_surface_mm"] = entry.bias_mm + paint_bias_mm
         figures[f"{title}_sample_sd_mm"] = entry.sample_sd_mm
         figures[f"{title}_transfer_sd_mm"] = entry.transfer_sd_mm
+        if entry.stretch is not None:
+            figures[f"{title}_place_sd_mm"] = entry.stretch.place_sd_mm
         for tilt, bias in zip(piece.poses, piece.biases_mm(ranging), strict=True):
             figures[f"{title}_bias_at_{tilt:.0f}_deg_mm"] = bias
     worst = max(entries.values(), key=lambda entry: entry.sample_sd_mm)
@@ -96,6 +98,10 @@ def _findings(material: str, entries: Mapping[Ranging, Material], shown: Materia
         found.append(
             f"It stretches its echoes, which is known to {shown.stretch.sd:.1%}: scans tell by theirs how far other "
             "pieces differ, and where there is paint."
+        )
+        found.append(
+            f"From place to place it differs by {shown.stretch.place_sd_mm:.2f} mm (standard deviation): so uncertain "
+            "is each point of a scan by itself."
         )
     if not passed:
         found.append(f"More than {SAMPLE_SD_LIMIT_MM:g} mm for the piece itself is too uncertain.")
